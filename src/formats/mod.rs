@@ -1,0 +1,1 @@
+//! Readers of scene, mesh and picture files.

@@ -1,0 +1,3 @@
+//! Images: the film that integrators write to, picture files, and metrics that compare pictures.
+
+pub mod film;

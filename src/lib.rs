@@ -1,0 +1,22 @@
+//! dualux: a CPU global illumination renderer.
+//!
+//! The library is built in strict layers; a file imports only from lower layers or from its own folder
+//! (`tests/layers.rs` checks it):
+//!
+//! 1. [`math`]: random numbers, warps, densities, filters
+//! 2. [`mod@image`]: film, image files, metrics
+//! 3. [`scene`], [`formats`]: what a scene is, and the files that describe one
+//! 4. [`accel`]: ray queries over a scene
+//! 5. [`integrators`]: light transport
+//! 6. [`render`], [`cli`]: the main loop and the command line
+
+#![warn(missing_docs)]
+
+pub mod accel;
+pub mod cli;
+pub mod formats;
+pub mod image;
+pub mod integrators;
+pub mod math;
+pub mod render;
+pub mod scene;

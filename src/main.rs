@@ -1,0 +1,3 @@
+//! The `dualux` program: see [`dualux::cli`].
+
+fn main() {}
