@@ -1,1 +1,59 @@
-//! Light transport algorithms.
+//! Light transport algorithms: each turns a camera ray into radiance.
+
+pub mod path;
+
+use crate::accel::Accel;
+use crate::image::film::Features;
+use crate::math::{Rgb, Sampler};
+use crate::scene::Scene;
+use crate::scene::camera::CameraRay;
+
+/// A scene with its acceleration structure.
+#[derive(Clone, Copy, Debug)]
+pub struct World<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Ray queries over it.
+    pub accel: &'a Accel,
+}
+
+/// What was counted while rendering. Sums over samples, the same for any number of threads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Counts {
+    /// Camera samples.
+    pub samples: u64,
+    /// Closest-hit rays.
+    pub rays: u64,
+    /// Shadow rays.
+    pub shadow_rays: u64,
+    /// Shadow rays of the first pass that were examined for what blocks them.
+    pub probed_shadow_rays: u64,
+    /// Those of them that end on smooth glass, water or another surface that only specular paths cross.
+    pub blocked_by_specular: u64,
+    /// Samples that were not finite and left out.
+    pub invalid: u64,
+}
+
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, o: Counts) {
+        self.samples += o.samples;
+        self.rays += o.rays;
+        self.shadow_rays += o.shadow_rays;
+        self.probed_shadow_rays += o.probed_shadow_rays;
+        self.blocked_by_specular += o.blocked_by_specular;
+        self.invalid += o.invalid;
+    }
+}
+
+/// A light transport algorithm, ready to take samples.
+pub trait Integrator: Sync {
+    /// Name on the command line.
+    fn name(&self) -> &'static str;
+
+    /// Radiance along a camera ray and the features of the first surface. A pure function of the ray, the pass and
+    /// the sampler's numbers.
+    fn sample(&self, ray: &CameraRay, pass: u64, sampler: &mut Sampler, counts: &mut Counts) -> (Rgb, Features);
+
+    /// What the user should know after the run: what this algorithm could not do in this scene.
+    fn remarks(&self, counts: &Counts) -> Vec<String>;
+}

@@ -75,6 +75,16 @@ impl Bsdf {
         todo!()
     }
 
+    /// [`Self::eval`] and [`Self::pdf_dir`] at once.
+    pub fn eval_pdf(&self, wo: Vec3, wi: Vec3, transport: Transport) -> (Rgb, f32) {
+        (self.eval(wo, wi, transport), self.pdf_dir(wo, wi))
+    }
+
+    /// Share of light that passes straight through (weight of the null lobes).
+    pub fn straight_through(&self) -> f32 {
+        todo!()
+    }
+
     /// True if every lobe is a Dirac or null lobe: light sampling is of no use.
     pub fn is_delta(&self) -> bool {
         todo!()

@@ -1,0 +1,273 @@
+//! Unidirectional path tracing: the oracle that every other integrator is tested against.
+//!
+//! Estimates   L(x, w) = Le + integral f(w, wi) L(x, wi) |cos| dwi by one path per camera sample
+//! Direct      one light sample per vertex, combined with the scattered direction by the power heuristic (beta = 2)
+//! Measure     all densities per solid angle at the vertex; light densities include the selection probability
+//! Roulette    from depth `rr_depth`: the path survives with min(0.95, max channel of throughput x eta^2)
+//! Source      Kajiya 1986; Veach 1997, chapters 9 (MIS) and 10.2 (roulette)
+//! Bias        none
+//! Not handled participating media; light through smooth glass is found by chance only (`remarks` says how much of it there is)
+//! Verified by tests/furnace.rs (closed form), tests/agreement.rs (converged references of another renderer)
+
+use super::{Counts, Integrator, World};
+use crate::accel::{Hit, Ray};
+use crate::image::film::Features;
+use crate::math::{Rgb, Sampler, Vec3};
+use crate::scene::camera::CameraRay;
+use crate::scene::shape::ShapeHit;
+use crate::scene::{Bsdf, LightSample, LobeKind, SurfacePoint, Transport};
+
+/// Shadow rays stop this much short of the lamp, relative to the distance, so that the lamp does not shadow itself.
+const SHADOW_SHORTENING: f32 = 1e-4;
+/// Most surfaces a ray may pass straight through (masks, null surfaces) before it is given up.
+const MAX_PASSED_SURFACES: u32 = 256;
+/// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
+const MAX_SURVIVAL: f32 = 0.95;
+
+/// Settings of [`Path`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathSettings {
+    /// Longest path: 1 = emitters seen directly, 2 = direct light; `None` = unbounded.
+    pub max_depth: Option<u32>,
+    /// Depth at which Russian roulette starts.
+    pub rr_depth: u32,
+    /// Emitters are invisible to camera rays.
+    pub hide_emitters: bool,
+}
+
+impl Default for PathSettings {
+    fn default() -> Self {
+        PathSettings { max_depth: None, rr_depth: 5, hide_emitters: false }
+    }
+}
+
+/// The path tracer.
+#[derive(Debug)]
+pub struct Path<'a> {
+    world: World<'a>,
+    settings: PathSettings,
+    any_passes_light: bool,
+}
+
+/// What a path vertex needs to know of the one before: where light sampling could have started instead.
+struct Previous {
+    /// Origin of the light sample, `None` if light sampling was not possible there (camera, Dirac lobe).
+    from: Option<Vec3>,
+    /// Density per solid angle of the direction that was scattered into.
+    pdf_dir: f32,
+}
+
+impl<'a> Path<'a> {
+    /// A path tracer over `world`.
+    pub fn new(world: World<'a>, settings: PathSettings) -> Self {
+        Path { world, settings, any_passes_light: world.scene.passes_light.iter().any(|&p| p) }
+    }
+
+    fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
+        let at = ShapeHit { t: hit.t, u: hit.u, v: hit.v };
+        self.world.scene.shapes[hit.shape as usize].surface_point(hit.shape, hit.prim, ray.o, ray.d, at)
+    }
+
+    fn bsdf(&self, at: &SurfacePoint, wo: Vec3) -> Bsdf {
+        let scene = self.world.scene;
+        Bsdf::new(&scene.materials, scene.shapes[at.shape as usize].material, scene.textures(), at, wo)
+    }
+
+    fn passes_light(&self, shape: u32) -> bool {
+        self.any_passes_light
+            && self.world.scene.passes_light[self.world.scene.shapes[shape as usize].material as usize]
+    }
+
+    /// Share of light that reaches the end of a shadow ray: 0 or 1, or what masks and null surfaces let through.
+    fn transmittance(&self, mut ray: Ray, counts: &mut Counts) -> f32 {
+        counts.shadow_rays += 1;
+        if !self.any_passes_light {
+            return if self.world.accel.occluded(&ray) { 0.0 } else { 1.0 };
+        }
+        let mut through = 1.0;
+        for _ in 0..MAX_PASSED_SURFACES {
+            let Some(hit) = self.world.accel.closest(&ray) else { return through };
+            if !self.passes_light(hit.shape) {
+                return 0.0;
+            }
+            let at = self.surface(&ray, &hit);
+            through *= self.bsdf(&at, -ray.d).straight_through();
+            if through <= 0.0 {
+                return 0.0;
+            }
+            let o = at.spawn_origin(ray.d);
+            ray = Ray { o, tmax: ray.tmax - hit.t, ..ray };
+        }
+        0.0
+    }
+
+    /// Counts what a blocked shadow ray ended on.
+    fn probe(&self, ray: &Ray, counts: &mut Counts) {
+        counts.probed_shadow_rays += 1;
+        if let Some(hit) = self.world.accel.closest(ray) {
+            let at = self.surface(ray, &hit);
+            counts.blocked_by_specular += u64::from(self.bsdf(&at, -ray.d).is_delta());
+        }
+    }
+
+    /// Radiance from one light sample towards the point `at`, weighted against scattering into the same direction.
+    fn direct(&self, at: &SurfacePoint, bsdf: &Bsdf, wo: Vec3, pass: u64, rng: &mut Sampler, counts: &mut Counts) -> Rgb {
+        let scene = self.world.scene;
+        let (u_light, u) = (rng.next_1d(), rng.next_2d());
+        let Some(LightSample { wi, distance, weight, pdf_dir, .. }) =
+            scene.lights.sample(&scene.shapes, scene.textures(), at.p, u_light, u)
+        else {
+            return Rgb::ZERO;
+        };
+        let (f, pdf_bsdf) = bsdf.eval_pdf(wo, wi, Transport::Radiance);
+        if f == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let tmax = distance * (1.0 - SHADOW_SHORTENING);
+        let ray = Ray { o: at.spawn_origin(wi), d: wi, tmin: f32::MIN_POSITIVE, tmax };
+        let through = self.transmittance(ray, counts);
+        if pass == 0 {
+            if through == 0.0 {
+                self.probe(&ray, counts);
+            } else {
+                counts.probed_shadow_rays += 1;
+            }
+        }
+        let mis = if pdf_dir == 0.0 { 1.0 } else { power_heuristic(pdf_dir, pdf_bsdf) };
+        f * weight * (mis * through)
+    }
+
+    /// Weight of emission found by scattering, against the light sample that could have found it.
+    fn scattered_weight(&self, previous: &Previous, pdf_light: impl FnOnce(Vec3) -> f32) -> f32 {
+        previous.from.map_or(1.0, |p| power_heuristic(previous.pdf_dir, pdf_light(p)))
+    }
+
+    fn features(&self, at: &SurfacePoint, bsdf: &Bsdf, wo: Vec3, origin: Vec3) -> Features {
+        Features {
+            albedo: bsdf.albedo(wo),
+            normal: at.n_shade,
+            depth: (at.p - origin).length(),
+            shape: at.shape + 1,
+        }
+    }
+}
+
+/// Power heuristic with beta = 2 for one sample each (Veach 1997, eq. 9.11), safe for infinite densities.
+fn power_heuristic(pdf: f32, other: f32) -> f32 {
+    let ratio = other / pdf;
+    if pdf > 0.0 { 1.0 / (1.0 + ratio * ratio) } else { 0.0 }
+}
+
+impl Integrator for Path<'_> {
+    fn name(&self) -> &'static str {
+        "path"
+    }
+
+    fn sample(&self, camera: &CameraRay, pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
+        let World { scene, accel } = self.world;
+        let mut ray = Ray { o: camera.o, d: camera.d, tmin: camera.tmin, tmax: camera.tmax };
+        let (mut radiance, mut throughput, mut eta) = (Rgb::ZERO, Rgb::ONE, 1.0f32);
+        let mut features = Features::default();
+        let mut previous = Previous { from: None, pdf_dir: 0.0 };
+        let (mut depth, mut passed) = (0u32, 0u32);
+
+        loop {
+            counts.rays += 1;
+            let emitters_seen = depth > 0 || !self.settings.hide_emitters;
+            let Some(hit) = accel.closest(&ray) else {
+                if emitters_seen {
+                    let weight = self.scattered_weight(&previous, |_| scene.lights.pdf_dir_environment(ray.d));
+                    radiance += throughput * scene.lights.environment(scene.textures(), ray.d) * weight;
+                }
+                break;
+            };
+            let at = self.surface(&ray, &hit);
+            let wo = -ray.d;
+
+            // Emission found by the scattered ray.
+            if emitters_seen && scene.shapes[at.shape as usize].emission.is_some() {
+                let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
+                if emitted != Rgb::ZERO {
+                    let weight =
+                        self.scattered_weight(&previous, |p| scene.lights.pdf_dir_surface(&scene.shapes, p, &at));
+                    radiance += throughput * emitted * weight;
+                }
+            }
+
+            let bsdf = self.bsdf(&at, wo);
+            if depth == 0 && passed == 0 {
+                features = self.features(&at, &bsdf, wo, camera.o);
+            }
+            if self.settings.max_depth.is_some_and(|max| depth + 1 >= max) && !self.passes_light(at.shape) {
+                break;
+            }
+
+            rng.start_group();
+            let last = self.settings.max_depth.is_some_and(|max| depth + 1 >= max);
+            if !last && !bsdf.is_delta() {
+                radiance += throughput * self.direct(&at, &bsdf, wo, pass, rng, counts);
+            }
+
+            rng.start_group();
+            let (u_lobe, u) = (rng.next_1d(), rng.next_2d());
+            let Some(scattered) = bsdf.sample(wo, u_lobe, u, Transport::Radiance) else { break };
+            throughput *= scattered.weight;
+            eta *= scattered.eta;
+            let o = at.spawn_origin(scattered.wi);
+            ray = Ray { o, d: scattered.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+
+            // A surface passed straight through is no vertex: depth and the place to compare with stay.
+            if scattered.lobe == LobeKind::Null {
+                passed += 1;
+                if passed > MAX_PASSED_SURFACES {
+                    break;
+                }
+                continue;
+            }
+            if last {
+                break;
+            }
+            depth += 1;
+            let from = (scattered.lobe != LobeKind::Specular).then_some(at.p);
+            previous = Previous { from, pdf_dir: scattered.pdf_dir };
+
+            if depth >= self.settings.rr_depth {
+                let survival = (throughput.max_element() * eta * eta).min(MAX_SURVIVAL);
+                // Written so that a NaN ends the path.
+                if !(rng.next_1d() < survival) {
+                    break;
+                }
+                throughput /= survival;
+            }
+        }
+        (radiance, features)
+    }
+
+    fn remarks(&self, counts: &Counts) -> Vec<String> {
+        let mut out = Vec::new();
+        let share = counts.blocked_by_specular as f64 / counts.probed_shadow_rays.max(1) as f64;
+        if share > 0.01 {
+            out.push(format!(
+                "{:.0} % of the shadow rays end on smooth glass, water or metal: light that crosses it is found by \
+                 chance only, so caustics converge slowly or are missing; a photon integrator is the tool for them",
+                100.0 * share
+            ));
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn power_heuristic_is_a_partition_of_unity() {
+        for (a, b) in [(1.0, 3.0), (1e-20, 1e20), (1e20, 1e-20), (2.0, 2.0), (5.0, 0.0)] {
+            let sum = power_heuristic(a, b) + power_heuristic(b, a);
+            assert!((sum - 1.0).abs() < 1e-6, "{a} {b}: {sum}");
+        }
+        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
+        assert_eq!(power_heuristic(0.0, 1.0), 0.0);
+    }
+}
