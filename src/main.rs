@@ -1,3 +1,5 @@
 //! The `dualux` program: see [`dualux::cli`].
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    dualux::cli::main(std::time::Instant::now())
+}

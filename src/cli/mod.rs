@@ -1,1 +1,75 @@
-//! The command line.
+//! The command line: one file per subcommand.
+//!
+//! Results go to stdout, progress and messages to stderr. Exit code 0; 1 for a scene or run-time error; 2 for a wrong
+//! command line.
+
+mod info;
+mod load;
+mod metric;
+mod options;
+mod output;
+mod progress;
+mod render;
+
+use clap::{CommandFactory, Parser, Subcommand};
+use std::error::Error;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// What a subcommand can fail with; its text is for the user.
+type Failure = Box<dyn Error + Send + Sync>;
+
+/// CPU global illumination renderer.
+#[derive(Debug, Parser)]
+#[command(name = "dualux", version, about, long_about = None, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Render a scene to EXR or PNG.
+    Render(Box<render::RenderArgs>),
+    /// Say what a scene holds: shapes, triangles, lights and their power, warnings, and which integrator will run.
+    Info(info::InfoArgs),
+    /// Compare an image with a reference.
+    Metric(metric::MetricArgs),
+    /// Print a completion script for a shell.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Runs the program. `start` is when the process began; time limits count from there.
+pub fn main(start: Instant) -> ExitCode {
+    // A wrong command line ends here with exit code 2.
+    let cli = Cli::parse();
+    let result = match &cli.command {
+        Command::Render(args) => render::run(args, start),
+        Command::Info(args) => info::run(args),
+        Command::Metric(args) => metric::run(args),
+        Command::Completions { shell } => {
+            clap_complete::generate(*shell, &mut Cli::command(), "dualux", &mut std::io::stdout());
+            Ok(())
+        }
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("{}", output::error_text(e.as_ref()));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,143 @@
+//! `dualux info`: what a scene holds.
+
+use super::load::{SceneArgs, filter_name};
+use super::Failure;
+use crate::scene::{Geometry, Scene};
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// Lights listed one by one in the text; the rest are summed.
+const LISTED_LIGHTS: usize = 20;
+
+/// Arguments of `info`.
+#[derive(Debug, clap::Args)]
+pub struct InfoArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Light<'a> {
+    kind: &'a str,
+    name: &'a str,
+    /// Watt per channel.
+    power: [f32; 3],
+    primitives: usize,
+}
+
+#[derive(serde::Serialize)]
+struct Info<'a> {
+    file: String,
+    width: u32,
+    height: u32,
+    crop: [u32; 4],
+    filter: &'static str,
+    sample_count: Option<u32>,
+    file_integrator: &'a str,
+    integrator: &'static str,
+    max_depth: Option<u32>,
+    shapes: BTreeMap<&'static str, usize>,
+    triangles: usize,
+    materials: usize,
+    textures: usize,
+    texture_pixels: usize,
+    bounds_center: [f32; 3],
+    bounds_radius: f32,
+    lights: Vec<Light<'a>>,
+    load_seconds: f64,
+    build_seconds: f64,
+    warnings: Vec<String>,
+}
+
+/// Runs the command.
+pub fn run(args: &InfoArgs) -> Result<(), Failure> {
+    let start = Instant::now();
+    let loaded = args.scene.read()?;
+    let load_seconds = start.elapsed().as_secs_f64();
+    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let (scene, _accel) = args.scene.build(loaded.description)?;
+    let build_seconds = start.elapsed().as_secs_f64() - load_seconds;
+    let info = Info {
+        file: args.scene.scene.display().to_string(),
+        width: scene.film.width,
+        height: scene.film.height,
+        crop: scene.film.crop,
+        filter: filter_name(scene.film.filter),
+        sample_count: scene.sample_count,
+        file_integrator: &scene.integrator.name,
+        integrator: "path",
+        max_depth: scene.integrator.max_depth,
+        shapes: count_shapes(&scene),
+        triangles: scene.triangle_count(),
+        materials: scene.materials.len(),
+        textures: scene.textures.len(),
+        texture_pixels: scene.images.iter().map(|i| i.pixels.len()).sum(),
+        bounds_center: scene.bounds.0.to_array(),
+        bounds_radius: scene.bounds.1,
+        lights: lights(&scene),
+        load_seconds,
+        build_seconds,
+        warnings,
+    };
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&info)?);
+    } else {
+        print(&info);
+    }
+    Ok(())
+}
+
+fn count_shapes(scene: &Scene) -> BTreeMap<&'static str, usize> {
+    let mut out = BTreeMap::new();
+    for shape in &scene.shapes {
+        let kind = match shape.geometry {
+            Geometry::Mesh(_) => "mesh",
+            Geometry::Sphere(_) => "sphere",
+            Geometry::Rectangle(_) => "rectangle",
+            Geometry::Disk(_) => "disk",
+            Geometry::Cylinder(_) => "cylinder",
+        };
+        *out.entry(kind).or_default() += 1;
+    }
+    out
+}
+
+fn lights(scene: &Scene) -> Vec<Light<'_>> {
+    let light = |l: &'_ crate::scene::light::LightInfo| l.power.to_array();
+    let infos = scene.lights.infos.iter();
+    infos.map(|l| Light { kind: &l.kind, name: &l.name, power: light(l), primitives: l.primitives }).collect()
+}
+
+fn print(info: &Info) {
+    println!("{}", info.file);
+    let [x, y, w, h] = info.crop;
+    print!("  image       {} x {}, {} filter", info.width, info.height, info.filter);
+    println!("{}", if [w, h] == [info.width, info.height] { String::new() } else { format!(", crop {x},{y},{w},{h}") });
+    let asked = if info.file_integrator.is_empty() { "none" } else { info.file_integrator };
+    let depth = info.max_depth.map_or("unbounded".into(), |d| d.to_string());
+    println!("  integrator  {} (the file names {asked}), depth {depth}", info.integrator);
+    if let Some(n) = info.sample_count {
+        println!("  samples     {n} per pixel");
+    }
+    let shapes: Vec<String> = info.shapes.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    println!("  shapes      {}; {} triangles in meshes", shapes.join(", "), info.triangles);
+    println!("  materials   {}; {} textures, {} texture pixels", info.materials, info.textures, info.texture_pixels);
+    let [cx, cy, cz] = info.bounds_center;
+    println!("  bounds      centre {cx:.4} {cy:.4} {cz:.4}, radius {:.4}", info.bounds_radius);
+    println!("  lights      {}", info.lights.len());
+    for light in info.lights.iter().take(LISTED_LIGHTS) {
+        let [r, g, b] = light.power;
+        let parts = if light.primitives > 1 { format!(", {} triangles", light.primitives) } else { String::new() };
+        println!("    {:<20} {:<24} {r:.4} {g:.4} {b:.4} W{parts}", light.kind, light.name);
+    }
+    if let Some(rest) = info.lights.get(LISTED_LIGHTS..).filter(|r| !r.is_empty()) {
+        let sum: [f64; 3] = std::array::from_fn(|c| rest.iter().map(|l| f64::from(l.power[c])).sum());
+        println!("    and {} more: {:.4} {:.4} {:.4} W in all", rest.len(), sum[0], sum[1], sum[2]);
+    }
+    println!("  loaded in {:.2} s, built in {:.2} s", info.load_seconds, info.build_seconds);
+    println!("  warnings    {}", info.warnings.len());
+    info.warnings.iter().for_each(|w| println!("{w}"));
+}

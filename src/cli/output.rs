@@ -1,0 +1,133 @@
+//! Writing the picture, its layers and its metadata.
+
+use super::Failure;
+use crate::image::exr_file::{Attribute, ExrImage, Precision, write_exr};
+use crate::image::film::Film;
+use crate::image::png_file::write_png;
+use crate::image::{ImageFileError, Window};
+use crate::math::Vec3;
+use crate::render::COARSE_BLOCK;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// A layer beside the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Aov {
+    /// Hemispherical albedo of the first surface (`albedo.R`, `.G`, `.B`).
+    Albedo,
+    /// Shading normal of the first surface, world (`normal.X`, `.Y`, `.Z`).
+    Normal,
+    /// Distance to the first surface (`depth.Z`).
+    Depth,
+    /// Index of the first surface's shape, from 1; 0 = none (`shape.I`).
+    Shape,
+    /// Estimated variance of the pixel (`variance.R`, `.G`, `.B`).
+    Variance,
+    /// Number of samples (`samples.N`).
+    Samples,
+}
+
+impl Aov {
+    /// Whether the integrator has to record features for it.
+    pub fn is_feature(self) -> bool {
+        matches!(self, Aov::Albedo | Aov::Normal | Aov::Depth | Aov::Shape)
+    }
+}
+
+/// Where pictures go and what they hold.
+#[derive(Debug)]
+pub struct Output {
+    /// Files, told apart by extension.
+    pub paths: Vec<PathBuf>,
+    /// Layers of EXR files.
+    pub aovs: Vec<Aov>,
+    /// Exposure of PNG files, stops.
+    pub exposure: f32,
+    /// Width and height of the full film.
+    pub frame: (usize, usize),
+    /// Metadata that does not change while rendering.
+    pub attributes: Vec<(String, Attribute)>,
+}
+
+/// Seconds that writing one pixel of one channel of an EXR file takes, upper estimate; a time limit keeps that much back.
+const WRITE_SECONDS_PER_VALUE: f64 = 6e-8;
+
+impl Output {
+    /// Checks that every name says a kind that can be written.
+    pub fn check(&self) -> Result<(), Failure> {
+        for path in &self.paths {
+            if !matches!(extension(path).as_str(), "exr" | "png") {
+                return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Estimate of the time that [`Self::write`] takes.
+    pub fn write_time(&self, pixels: usize) -> Duration {
+        let layers: usize = self.aovs.len() * 3 + 3;
+        Duration::from_secs_f64((pixels * layers * self.paths.len()) as f64 * WRITE_SECONDS_PER_VALUE)
+    }
+
+    /// Writes all files from the film's present state.
+    pub fn write(&self, film: &Film, passes: u64, seconds: f64) -> Result<(), ImageFileError> {
+        let picture = film.picture(COARSE_BLOCK);
+        let (width, height) = (film.width as usize, film.height as usize);
+        for path in &self.paths {
+            if extension(path) == "png" {
+                write_png(path, width, height, &picture, self.exposure)?;
+                continue;
+            }
+            let window = Window { x: film.x as i32, y: film.y as i32, width, height };
+            let mut image = ExrImage::new(window, self.frame);
+            image.add_layer("", "RGB", Precision::Float, &picture);
+            self.add_layers(&mut image, film);
+            image.attributes.clone_from(&self.attributes);
+            image.add_attribute("dualux:passes", Attribute::Int(passes as i64));
+            image.add_attribute("dualux:seconds", Attribute::Float(seconds));
+            write_exr(path, &image)?;
+        }
+        Ok(())
+    }
+
+    fn add_layers(&self, image: &mut ExrImage, film: &Film) {
+        let features = film.features();
+        for aov in &self.aovs {
+            match aov {
+                Aov::Albedo => {
+                    let v: Vec<Vec3> = features.iter().map(|f| f.albedo).collect();
+                    image.add_layer("albedo", "RGB", Precision::Half, &v);
+                }
+                Aov::Normal => {
+                    let v: Vec<Vec3> = features.iter().map(|f| f.normal).collect();
+                    image.add_layer("normal", "XYZ", Precision::Float, &v);
+                }
+                Aov::Depth => {
+                    let v = features.iter().map(|f| f.depth).collect();
+                    image.add_channel("depth", "Z", Precision::Float, v);
+                }
+                Aov::Shape => {
+                    let v = features.iter().map(|f| f.shape as f32).collect();
+                    image.add_channel("shape", "I", Precision::Float, v);
+                }
+                Aov::Variance => image.add_layer("variance", "RGB", Precision::Float, &film.variance()),
+                Aov::Samples => {
+                    let v = film.pixels().iter().map(|p| p.count() as f32).collect();
+                    image.add_channel("samples", "N", Precision::Float, v);
+                }
+            }
+        }
+    }
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
+/// The text of an error with its causes, for stderr.
+pub fn error_text(error: &(dyn Error + 'static)) -> String {
+    let text = error.to_string();
+    // Located messages start with their place and say `error` themselves.
+    if text.contains(": error: ") { text } else { format!("error: {text}") }
+}
