@@ -8,6 +8,7 @@ pub mod filter;
 pub mod frame;
 pub mod polygon;
 pub mod sampler;
+pub mod stats;
 pub mod warp;
 
 pub use frame::Frame;
