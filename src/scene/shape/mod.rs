@@ -1,10 +1,24 @@
 //! Shapes in world space: spheres, disks, cylinders and rectangles stay analytic, the rest are meshes.
+//!
+//! * `build`: world-space geometry from a description
+//! * `cube`: the cube's mesh
+//! * `point`: surface points with error bounds, from ray hits and from parameters
+//! * `sample`: points uniform by area
+//!
+//! Parametrisations, normal sides and their behaviour under mirroring transforms are Mitsuba 3.9's, measured; the file
+//! that computes each says which.
 
-use super::description::{GeometryDesc, MaterialId, ShapeDesc};
+mod build;
+mod cube;
+mod point;
+mod sample;
+#[cfg(test)]
+mod tests;
+
+use super::description::MaterialId;
 use super::mesh::Mesh;
-use super::surface::SurfacePoint;
 use super::texture::Color;
-use crate::math::{Vec2, Vec3};
+use crate::math::Vec3;
 
 /// A shape of the scene.
 #[derive(Clone, Debug)]
@@ -84,8 +98,10 @@ pub struct Cylinder {
     pub radius: f32,
     /// Normals point inwards.
     pub flip: bool,
-    /// Unit vector across the axis at which v... the angle is zero.
+    /// Unit vector across the axis at angle 0, where u = 0.
     pub reference: Vec3,
+    /// Unit vector across the axis at angle pi/2, where u = 1/4 (left-handed under mirroring transforms).
+    pub binormal: Vec3,
 }
 
 /// A ray's intersection with an analytic shape or triangle: distance in units of |d| and two surface coordinates
@@ -101,37 +117,85 @@ pub struct ShapeHit {
 }
 
 impl Shape {
-    /// World-space shape from its description. The error is a text without location.
-    pub fn new(desc: ShapeDesc) -> Result<Self, String> {
-        let _ = (desc, GeometryDesc::Cube);
-        todo!("helper geometry")
-    }
-
     /// Box that encloses the shape (min, max), conservative in f32.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        todo!()
+        // Half extents of a centred shape, widened by more than the roundings of any point computed on it.
+        let centered = |c: Vec3, half: Vec3| {
+            let half = half + (c.abs() + half) * (8.0 * f32::EPSILON);
+            (c - half, c + half)
+        };
+        match &self.geometry {
+            Geometry::Mesh(mesh) => mesh.bounds(),
+            Geometry::Sphere(s) => centered(s.center, Vec3::splat(s.radius)),
+            Geometry::Rectangle(r) => centered(r.center, r.ex.abs() + r.ey.abs()),
+            // max over a of cos a x + sin a y is the length of (x, y).
+            Geometry::Disk(d) => {
+                let half = d.ex.as_dvec3() * d.ex.as_dvec3() + d.ey.as_dvec3() * d.ey.as_dvec3();
+                centered(d.center, half.map(f64::sqrt).as_vec3())
+            }
+            Geometry::Cylinder(c) => {
+                let across =
+                    c.reference.as_dvec3() * c.reference.as_dvec3() + c.binormal.as_dvec3() * c.binormal.as_dvec3();
+                let rim = across.map(f64::sqrt).as_vec3() * c.radius;
+                let (lo0, hi0) = centered(c.p0, rim);
+                let (lo1, hi1) = centered(c.p0 + c.axis, rim + (c.p0.abs() + c.axis.abs()) * f32::EPSILON);
+                (lo0.min(lo1), hi0.max(hi1))
+            }
+        }
     }
 
-    /// Surface area.
+    /// Surface area, world units squared.
     pub fn area(&self) -> f32 {
-        todo!()
+        match &self.geometry {
+            Geometry::Mesh(mesh) => mesh.area(),
+            Geometry::Sphere(s) => s.area(),
+            Geometry::Rectangle(r) => r.area(),
+            Geometry::Disk(d) => d.area(),
+            Geometry::Cylinder(c) => c.area(),
+        }
     }
 
     /// Number of primitives that can be addressed: triangles of a mesh, else 1.
     pub fn primitive_count(&self) -> usize {
-        todo!()
+        match &self.geometry {
+            Geometry::Mesh(mesh) => mesh.triangles.len(),
+            _ => 1,
+        }
     }
 
-    /// The surface point that the ray (o, d) has found at `hit` on primitive `prim` of this shape, whose index is `shape`.
-    /// The point comes from the surface's own parameters, not from o + t d, and carries its error bound.
-    pub fn surface_point(&self, shape: u32, prim: u32, o: Vec3, d: Vec3, hit: ShapeHit) -> SurfacePoint {
-        let _ = (shape, prim, o, d, hit);
-        todo!()
+    /// Area of primitive `prim`, world units squared: of one triangle of a mesh, else of the whole shape.
+    pub fn primitive_area(&self, prim: u32) -> f32 {
+        match &self.geometry {
+            Geometry::Mesh(mesh) => mesh.triangle_area(prim),
+            _ => self.area(),
+        }
     }
+}
 
-    /// A point on primitive `prim`, uniform by area, and the density per area of that (1 / area of the primitive).
-    pub fn sample_area(&self, shape: u32, prim: u32, u: Vec2) -> (SurfacePoint, f32) {
-        let _ = (shape, prim, u);
-        todo!()
+impl Sphere {
+    /// Surface area.
+    pub fn area(&self) -> f32 {
+        4.0 * std::f32::consts::PI * self.radius * self.radius
+    }
+}
+
+impl Rectangle {
+    /// Surface area.
+    pub fn area(&self) -> f32 {
+        4.0 * self.ex.as_dvec3().cross(self.ey.as_dvec3()).length() as f32
+    }
+}
+
+impl Disk {
+    /// Surface area.
+    pub fn area(&self) -> f32 {
+        std::f32::consts::PI * self.ex.as_dvec3().cross(self.ey.as_dvec3()).length() as f32
+    }
+}
+
+impl Cylinder {
+    /// Surface area, without caps (there are none).
+    pub fn area(&self) -> f32 {
+        2.0 * std::f32::consts::PI * self.radius * self.axis.as_dvec3().length() as f32
     }
 }
