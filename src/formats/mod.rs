@@ -1,1 +1,3 @@
 //! Readers of scene, mesh and picture files.
+
+pub mod bitmap;
