@@ -1,0 +1,4 @@
+//! Test kit.
+
+mod rng;
+pub use rng::Rng;
