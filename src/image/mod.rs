@@ -10,10 +10,13 @@
 //! - [`error`]: what can go wrong with a file
 
 pub mod atomic;
+pub mod diff;
 pub mod error;
 pub mod exr_file;
 pub mod exr_read;
 pub mod film;
+pub mod flip;
+pub mod metrics;
 pub mod pfm;
 pub mod picture;
 pub mod png_file;
