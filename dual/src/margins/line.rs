@@ -32,19 +32,20 @@ pub fn line_distance<T: Real>(ray: &Ray<T>, a: Vec3<T::Primitive>, b: Vec3<T::Pr
 }
 
 /// Margins of a convex polygon's edges, positive inside, whichever side the origin is on: the ray hits the polygon, in
-/// front of its origin, iff all are positive. `None` if the origin lies in the polygon's plane.
+/// front of its origin, iff all are positive. `None` if the origin lies in the polygon's plane, or with less than three corners.
 ///
 /// `corners` in order round the polygon. Degree 1, exact at order 1 for a fixed origin.
-pub fn polygon<T: Real, const K: usize>(ray: &Ray<T>, corners: [Vec3<T::Primitive>; K]) -> Option<[T; K]> {
-    let n = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    let side = n.dot(corners[0] - ray.o.re());
-    let zero = T::Primitive::of(0.0);
-    let sign = T::Primitive::of(match side.partial_cmp(&zero)? {
+pub fn polygon<'a, T: Real>(
+    ray: &'a Ray<T>,
+    corners: &'a [Vec3<T::Primitive>],
+) -> Option<impl Iterator<Item = T> + 'a> {
+    let &[a, b, c, ..] = corners else { return None };
+    let side = (b - a).cross(c - a).dot(a - ray.o.re());
+    let sign = T::Primitive::of(match side.partial_cmp(&T::Primitive::of(0.0))? {
         Ordering::Greater => 1.0,
         Ordering::Less => -1.0,
         Ordering::Equal => return None,
     });
-    Some(std::array::from_fn(|k| {
-        line(ray, corners[k], corners[(k + 1) % K]) * sign
-    }))
+    let next = corners.iter().cycle().skip(1);
+    Some(corners.iter().zip(next).map(move |(a, b)| line(ray, *a, *b) * sign))
 }

@@ -93,7 +93,7 @@ fn signs_agree_with_hits() {
     for _ in 0..20_000 {
         let ray = w.family().ray::<f64>();
         let tri = crate::Triangle::new(w.point(), w.point(), w.point());
-        let inside = polygon(&ray, [tri.a, tri.b, tri.c]).unwrap().iter().all(|m| *m > 0.0);
+        let inside = polygon(&ray, &[tri.a, tri.b, tri.c]).unwrap().all(|m| m > 0.0);
         assert_eq!(inside, tri.hit(&ray, 0.0, 1e9).is_some());
         let s = Sphere::new(w.point(), 0.7);
         let inside = sphere(&ray, &s) > 0.0 && sphere_guard(&ray, &s) > 0.0;

@@ -184,7 +184,7 @@ fn first_derivatives_of_chains_agree_with_central_differences() {
         let dual = chain.walk(family.ray::<DualSVec64<2>>()).expect("takes the plain path");
         let plain = |f: &Family<f64, 2>, p| chain.walk(f.at(p)).map(|w| outputs(&w));
         // Features of a chain scale with its smallest cosine.
-        let h = 2e-4 * chain.walk(family.ray::<f64>()).unwrap().min_cos.min(0.3);
+        let h = 1e-4 * chain.walk(family.ray::<f64>()).unwrap().min_cos.min(0.3);
         for k in 0..2 {
             let Some(fd) = difference(plain, &family, k, h) else {
                 continue;
