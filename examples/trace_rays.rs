@@ -1,0 +1,153 @@
+//! Traces rays from a file against a PLY mesh and measures the speed of one thread.
+//!
+//! `trace_rays MESH.ply RAYS.f32 [HITS.bin]`
+//!
+//! RAYS.f32 holds little-endian f32 records: origin xyz, direction xyz, tmin, tmax. HITS.bin gets one record per ray: f32 t
+//! (+inf: no hit) and u32 triangle (0xffffffff: no hit). One line of JSON on stdout: `build_s`, `closest_mrays` and
+//! `any_mrays` (million rays per second of one thread). `DUALUX_SIMD=portable` in the environment takes the
+//! portable path, which must find the same hits.
+
+use dualux::accel::{Accel, Hit, Ray, Simd};
+use dualux::math::Vec3;
+use dualux::scene::mesh::{Mesh, MeshData};
+use dualux::scene::{Geometry, Shape};
+use std::error::Error;
+use std::io::{BufRead, Read};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::OnceLock;
+use std::time::Instant;
+
+fn main() -> ExitCode {
+    let args: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    if !(2..=3).contains(&args.len()) {
+        eprintln!("usage: trace_rays MESH.ply RAYS.f32 [HITS.bin]");
+        return ExitCode::from(2);
+    }
+    match run(&args[0], &args[1], args.get(2).map(PathBuf::as_path)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(mesh: &Path, rays: &Path, hits: Option<&Path>) -> Result<(), Box<dyn Error>> {
+    let shape = shape(read_ply(mesh).map_err(|e| format!("{}: {e}", mesh.display()))?);
+    let rays = read_rays(rays).map_err(|e| format!("{}: {e}", rays.display()))?;
+    let simd = match std::env::var("DUALUX_SIMD").as_deref() {
+        Ok("portable") => Simd::Portable,
+        _ => Simd::Avx2,
+    };
+
+    let start = Instant::now();
+    let accel = Accel::with_simd(&[shape], simd);
+    let build_s = start.elapsed().as_secs_f64();
+
+    // Two rounds each, the better one counts: the first also pulls the tree into memory.
+    let mut found = Vec::new();
+    let (mut closest_s, mut any_s) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..2 {
+        let start = thread_seconds();
+        found = rays.iter().map(|ray| accel.closest(ray)).collect::<Vec<Option<Hit>>>();
+        closest_s = closest_s.min(thread_seconds() - start);
+
+        let start = thread_seconds();
+        let blocked = rays.iter().filter(|ray| accel.occluded(ray)).count();
+        any_s = any_s.min(thread_seconds() - start);
+        if blocked != found.iter().flatten().count() {
+            return Err("nearest hit and occlusion disagree".into());
+        }
+    }
+    if let Some(path) = hits {
+        let record = |hit: &Option<Hit>| {
+            let (t, prim) = hit.map_or((f32::INFINITY, u32::MAX), |h| (h.t, h.prim));
+            [t.to_le_bytes(), prim.to_le_bytes()].concat()
+        };
+        let bytes = found.iter().flat_map(record).collect::<Vec<u8>>();
+        std::fs::write(path, bytes).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    let mrays = |seconds: f64| rays.len() as f64 / seconds * 1e-6;
+    println!(
+        "{{\"build_s\": {build_s:.4}, \"closest_mrays\": {:.4}, \"any_mrays\": {:.4}}}",
+        mrays(closest_s),
+        mrays(any_s)
+    );
+    Ok(())
+}
+
+/// Seconds this thread has run, or wall-clock time where the system does not tell (not Linux).
+fn thread_seconds() -> f64 {
+    static START: OnceLock<Instant> = OnceLock::new();
+    let wall = START.get_or_init(Instant::now).elapsed().as_secs_f64();
+    let nanoseconds = std::fs::read_to_string("/proc/thread-self/schedstat")
+        .ok()
+        .and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
+    nanoseconds.map_or(wall, |ns| ns * 1e-9)
+}
+
+/// A scene of one shape, with no more than queries need.
+fn shape(data: MeshData) -> Shape {
+    Shape {
+        name: "mesh".into(),
+        geometry: Geometry::Mesh(Mesh {
+            positions: data.positions,
+            normals: data.normals,
+            uvs: data.uvs,
+            triangles: data.triangles,
+            edges: Vec::new(),
+            neighbors: Vec::new(),
+        }),
+        material: 0,
+        emission: None,
+    }
+}
+
+fn read_rays(path: &Path) -> Result<Vec<Ray>, Box<dyn Error>> {
+    let bytes = std::fs::read(path)?;
+    if bytes.len() % 32 != 0 {
+        return Err("not a whole number of records of 8 floats".into());
+    }
+    let ray = |record: &[u8]| {
+        let f = |i: usize| f32::from_le_bytes([0, 1, 2, 3].map(|k| record[4 * i + k]));
+        Ray {
+            o: Vec3::new(f(0), f(1), f(2)),
+            d: Vec3::new(f(3), f(4), f(5)),
+            tmin: f(6),
+            tmax: f(7),
+        }
+    };
+    Ok(bytes.chunks_exact(32).map(ray).collect())
+}
+
+/// Binary little-endian PLY with float positions first and triangles as lists of ints.
+fn read_ply(path: &Path) -> Result<MeshData, Box<dyn Error>> {
+    let mut file = std::io::BufReader::new(std::fs::File::open(path)?);
+    let (mut vertices, mut faces, mut line) = (0usize, 0usize, String::new());
+    while line.trim() != "end_header" {
+        line.clear();
+        if file.read_line(&mut line)? == 0 {
+            return Err("no end_header".into());
+        }
+        if let Some(n) = line.strip_prefix("element vertex ") {
+            vertices = n.trim().parse()?;
+        } else if let Some(n) = line.strip_prefix("element face ") {
+            faces = n.trim().parse()?;
+        }
+    }
+    let mut body = Vec::new();
+    file.read_to_end(&mut body)?;
+    if body.len() != vertices * 12 + faces * 13 {
+        return Err("expected vertices of three floats and faces of uchar and three ints".into());
+    }
+    let word = |at: usize| [0, 1, 2, 3].map(|k| body[at + k]);
+    let float = |at: usize| f32::from_le_bytes(word(at));
+    let vertex = |i: usize| Vec3::new(float(12 * i), float(12 * i + 4), float(12 * i + 8));
+    let index = |i: usize, k: usize| u32::from_le_bytes(word(12 * vertices + 13 * i + 1 + 4 * k));
+    Ok(MeshData {
+        positions: (0..vertices).map(vertex).collect(),
+        triangles: (0..faces).map(|i| [0, 1, 2].map(|k| index(i, k))).collect(),
+        ..Default::default()
+    })
+}

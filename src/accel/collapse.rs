@@ -1,0 +1,188 @@
+//! From a binary tree with one primitive per leaf to nodes of eight children and packs of four triangles.
+//!
+//! Greedy: of the children of a node the largest is opened until there are eight; up to four triangles
+//! become one pack. Nodes are laid out depth first. Should the binary tree be deeper than a stack allows for, the
+//! subtree in question is rebuilt by halving its primitives.
+
+use super::build::{Prim, quadric, triangle};
+use super::layout::{Child, Node8, Tree, Tri4};
+use super::traverse::LONG_STACK;
+use crate::scene::{Geometry, Shape};
+use arrayvec::ArrayVec;
+use obvhs::Boundable;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+
+/// Nodes on a path from the root before balance is enforced. Balanced subtrees have a depth of at most 11 more (8^11 leaves).
+const BALANCED_DEPTH: usize = LONG_STACK / 7 - 13;
+
+/// Makes the tree. There must be at least one primitive.
+pub(super) fn collapse(shapes: &[Shape], prims: &[Prim], bvh: &Bvh2) -> Tree {
+    collapse_with(shapes, prims, bvh, BALANCED_DEPTH)
+}
+
+pub(super) fn collapse_with(shapes: &[Shape], prims: &[Prim], bvh: &Bvh2, balanced_depth: usize) -> Tree {
+    let mut c = Collapse {
+        shapes,
+        prims,
+        bvh,
+        balanced_depth,
+        tree: Tree::default(),
+    };
+    c.tree.stack_need = c.node(Part::Subtree(0), 0).1;
+    c.tree
+}
+
+/// Primitives that become a child: a subtree of the binary tree, or a list of primitives.
+enum Part {
+    Subtree(u32),
+    List(Vec<u32>),
+}
+
+struct Collapse<'a> {
+    shapes: &'a [Shape],
+    prims: &'a [Prim],
+    bvh: &'a Bvh2,
+    balanced_depth: usize,
+    tree: Tree,
+}
+
+impl Collapse<'_> {
+    /// Appends the node for a part, with all below it. Returns its index and how many stack entries a walk of it needs.
+    fn node(&mut self, part: Part, depth: usize) -> (usize, usize) {
+        let parts = match part {
+            Part::Subtree(root) if depth < self.balanced_depth => self.open(root),
+            Part::Subtree(root) => eighths(&self.primitives_below(root)),
+            Part::List(list) => eighths(&list),
+        };
+        let index = self.tree.nodes.len();
+        self.tree.nodes.push(Node8::EMPTY);
+        let mut node = Node8::EMPTY;
+        let mut need = 0;
+        for (slot, part) in parts.iter().enumerate() {
+            let aabb = self.bounds(part);
+            for axis in 0..3 {
+                node.bounds[2 * axis][slot] = aabb.min[axis];
+                node.bounds[2 * axis + 1][slot] = aabb.max[axis];
+            }
+        }
+        let siblings = parts.len() - 1;
+        // Leaves first: those of one node lie side by side.
+        let mut inner = ArrayVec::<(usize, Part), 8>::new();
+        for (slot, part) in parts.into_iter().enumerate() {
+            match self.leaf(&part) {
+                Some(leaf) => node.children[slot] = leaf,
+                None => inner.push((slot, part)),
+            }
+        }
+        for (slot, part) in inner {
+            let (child, child_need) = self.node(part, depth + 1);
+            node.children[slot] = Child::node(child);
+            need = need.max(child_need);
+        }
+        self.tree.nodes[index] = node;
+        (index, need + siblings)
+    }
+
+    /// Up to eight subtrees below a node of the binary tree (itself, if it is a leaf).
+    fn open(&self, root: u32) -> ArrayVec<Part, 8> {
+        let mut open = ArrayVec::<u32, 8>::new();
+        open.push(root);
+        while open.len() < 8 {
+            // Not the root itself: it has to become a node even if it would fit into a pack.
+            let is_open = |n: u32| n == root && open.len() == 1 || self.pack_of(n).is_none();
+            let area = |n: u32| self.bvh.nodes[n as usize].aabb().half_area();
+            let largest = (0..open.len())
+                .filter(|&i| !self.bvh.nodes[open[i] as usize].is_leaf() && is_open(open[i]))
+                .max_by(|&i, &j| area(open[i]).total_cmp(&area(open[j])));
+            let Some(largest) = largest else { break };
+            let first = self.bvh.nodes[open[largest] as usize].first_index;
+            open[largest] = first;
+            open.push(first + 1);
+        }
+        open.into_iter().map(Part::Subtree).collect()
+    }
+
+    /// The primitives of a subtree, if they fit into one leaf: up to four triangles, or any single one.
+    fn pack_of(&self, root: u32) -> Option<ArrayVec<u32, 4>> {
+        let mut found = ArrayVec::<u32, 4>::new();
+        let mut todo = ArrayVec::<u32, 4>::new();
+        todo.push(root);
+        while let Some(n) = todo.pop() {
+            let node = &self.bvh.nodes[n as usize];
+            if node.is_leaf() {
+                found
+                    .try_push(self.bvh.primitive_indices[node.first_index as usize])
+                    .ok()?;
+            } else if found.len() + todo.len() + 2 > 4 {
+                return None;
+            } else {
+                todo.push(node.first_index + 1);
+                todo.push(node.first_index);
+            }
+        }
+        self.fits(&found).then_some(found)
+    }
+
+    fn fits(&self, list: &[u32]) -> bool {
+        let is_triangle = |&i: &u32| triangle(self.shapes, &self.prims[i as usize]).is_some();
+        list.len() == 1 || list.len() <= 4 && list.iter().all(is_triangle)
+    }
+
+    /// Appends the leaf for a part, if it fits into one.
+    fn leaf(&mut self, part: &Part) -> Option<Child> {
+        let list = match part {
+            Part::Subtree(root) => self.pack_of(*root)?,
+            Part::List(list) if self.fits(list) => list.iter().copied().collect(),
+            Part::List(_) => return None,
+        };
+        let mut pack = Tri4::EMPTY;
+        for (lane, &i) in list.iter().enumerate() {
+            let prim = &self.prims[i as usize];
+            let Some(vertices) = triangle(self.shapes, prim) else {
+                self.tree.quadrics.extend(quadric(self.shapes, prim));
+                return Some(Child::quadric(self.tree.quadrics.len() - 1));
+            };
+            for (v, vertex) in vertices.iter().enumerate() {
+                for axis in 0..3 {
+                    pack.v[3 * v + axis][lane] = vertex[axis];
+                }
+            }
+            let is_mesh = matches!(self.shapes[prim.shape as usize].geometry, Geometry::Mesh(_));
+            pack.shape[lane] = prim.shape;
+            pack.prim[lane] = if is_mesh { prim.part } else { 0 };
+        }
+        self.tree.tris.push(pack);
+        Some(Child::triangles(self.tree.tris.len() - 1))
+    }
+
+    fn bounds(&self, part: &Part) -> Aabb {
+        match part {
+            Part::Subtree(root) => *self.bvh.nodes[*root as usize].aabb(),
+            Part::List(list) => list
+                .iter()
+                .map(|&i| self.prims[i as usize].aabb())
+                .fold(Aabb::empty(), |a, b| a.union(&b)),
+        }
+    }
+
+    fn primitives_below(&self, root: u32) -> Vec<u32> {
+        let mut found = Vec::new();
+        let mut todo = vec![root];
+        while let Some(n) = todo.pop() {
+            let node = &self.bvh.nodes[n as usize];
+            if node.is_leaf() {
+                found.push(self.bvh.primitive_indices[node.first_index as usize]);
+            } else {
+                todo.extend([node.first_index + 1, node.first_index]);
+            }
+        }
+        found
+    }
+}
+
+/// Up to eight parts of nearly equal length.
+fn eighths(list: &[u32]) -> ArrayVec<Part, 8> {
+    let length = list.len().div_ceil(8).max(1);
+    list.chunks(length).map(|c| Part::List(c.to_vec())).collect()
+}
