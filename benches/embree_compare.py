@@ -173,7 +173,7 @@ def compare(kind, rays, any_hit, embree, ply, folder, args):
         truth["primID"] = np.where(blocked >= 0, hits["prim"].astype(np.int32), -1)
         truth["primID"][(blocked >= 0) & ~np.isfinite(hits["t"])] = 0
         truth["tfar"] = hits["t"]
-    same_prim = hits["prim"].astype(np.int64) == np.where(truth["primID"] < 0, 0xFFFFFFFF, truth["primID"])
+    same_prim = hits["prim"].astype(np.int64) == (truth["primID"].astype(np.int64) & 0xFFFFFFFF)
     both = np.isfinite(hits["t"]) & (truth["primID"] >= 0)
     agree = same_prim.copy()
     agree[both] |= np.abs(hits["t"][both] - truth["tfar"][both]) <= 1e-4 * truth["tfar"][both]

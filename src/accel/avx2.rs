@@ -138,65 +138,91 @@ mod x86 {
         (mask as u32, out)
     }
 
-    #[inline]
-    #[target_feature(enable = "avx2")]
-    fn triangles(query: &Query, pack: &Tri4, hits: &mut TriHits) -> u32 {
-        let vertex = |v: usize, axis: usize| {
-            debug_assert!(v < 3 && axis < 3);
-            // SAFETY: v and axis (0 to 2, also where it comes from `Query::k`) give a row below 9. Rows are 16-byte
-            // aligned: a pack is, and they are its first 9 x 16 bytes.
-            unsafe { _mm_load_ps(pack.v.as_ptr().add(3 * v + axis) as *const f32) }
-        };
-        let [kx, ky, kz] = query.k;
-        let [ox, oy, oz] = [kx, ky, kz].map(|k| _mm_set1_ps(query.o[k]));
-        let [sx, sy] = query.shear.map(|s| _mm_set1_ps(s));
-        let sheared = |v: usize| {
-            let z = _mm_sub_ps(vertex(v, kz), oz);
-            let x = _mm_sub_ps(_mm_sub_ps(vertex(v, kx), ox), _mm_mul_ps(sx, z));
-            let y = _mm_sub_ps(_mm_sub_ps(vertex(v, ky), oy), _mm_mul_ps(sy, z));
-            (x, y)
-        };
-        let ((ax, ay), (bx, by), (cx, cy)) = (sheared(0), sheared(1), sheared(2));
-        let cross = |px, qy, py, qx| _mm_sub_ps(_mm_mul_ps(px, qy), _mm_mul_ps(py, qx));
-        let a = cross(cx, by, cy, bx);
-        let b = cross(ax, cy, ay, cx);
-        let c = cross(bx, ay, by, ax);
-        let zero = _mm_setzero_ps();
-        let all_above = _mm_cmp_ps::<_CMP_GE_OQ>(_mm_min_ps(_mm_min_ps(a, b), c), zero);
-        let all_below = _mm_cmp_ps::<_CMP_LE_OQ>(_mm_max_ps(_mm_max_ps(a, b), c), zero);
-        let inside = _mm_or_ps(all_above, all_below);
-        if _mm_movemask_ps(inside) == 0 {
-            return 0;
+    /// Macros in place of closures, and no `target_feature` of its own: so that it is always inlined.
+    ///
+    /// # Safety
+    /// To be inlined into functions with AVX2 only.
+    #[inline(always)]
+    unsafe fn triangles(query: &Query, pack: &Tri4, hits: &mut TriHits) -> u32 {
+        macro_rules! vertex {
+            ($v:expr, $axis:expr) => {{
+                let row = 3 * $v + $axis;
+                debug_assert!(row < 9);
+                _mm_load_ps(pack.v.as_ptr().add(row) as *const f32)
+            }};
         }
-        let det = _mm_add_ps(_mm_add_ps(a, b), c);
-        let inside = _mm_and_ps(inside, _mm_cmp_ps::<_CMP_NEQ_OQ>(det, zero));
-        let e1 = [0, 1, 2].map(|k| _mm_sub_ps(vertex(1, k), vertex(0, k)));
-        let e2 = [0, 1, 2].map(|k| _mm_sub_ps(vertex(2, k), vertex(0, k)));
-        let n = [
-            cross(e1[1], e2[2], e1[2], e2[1]),
-            cross(e1[2], e2[0], e1[0], e2[2]),
-            cross(e1[0], e2[1], e1[1], e2[0]),
-        ];
-        let from = [0, 1, 2].map(|k| _mm_sub_ps(vertex(0, k), _mm_set1_ps(query.o[k])));
-        let dot = |v: [__m128; 3]| {
-            let xy = _mm_add_ps(_mm_mul_ps(n[0], v[0]), _mm_mul_ps(n[1], v[1]));
-            _mm_add_ps(xy, _mm_mul_ps(n[2], v[2]))
-        };
-        let t = _mm_div_ps(dot(from), dot(query.d.map(|d| _mm_set1_ps(d))));
-        let after = _mm_cmp_ps::<_CMP_LE_OQ>(_mm_set1_ps(query.tmin), t);
-        let before = _mm_cmp_ps::<_CMP_LE_OQ>(t, _mm_set1_ps(query.tmax));
-        let mask = _mm_movemask_ps(_mm_and_ps(inside, _mm_and_ps(after, before))) as u32;
-        if mask != 0 {
-            let store = |to: &mut [f32; 4], v: __m128| {
-                // SAFETY: four floats, no alignment needed.
-                unsafe { _mm_storeu_ps(to.as_mut_ptr(), v) }
-            };
-            store(&mut hits.edge[0], a);
-            store(&mut hits.edge[1], b);
-            store(&mut hits.edge[2], c);
-            store(&mut hits.det, det);
-            store(&mut hits.t, t);
+        // SAFETY: the processor has AVX2, says the caller. Loads: vertex and axis (also where it comes from `Query::k`) are 0
+        // to 2, so there is such a row; rows are 16-byte aligned, as a pack is and they are its first 9 x 16 bytes.
+        // Stores go to four floats each, without need for alignment.
+        unsafe {
+            macro_rules! cross {
+                ($px:expr, $qy:expr, $py:expr, $qx:expr) => {
+                    _mm_sub_ps(_mm_mul_ps($px, $qy), _mm_mul_ps($py, $qx))
+                };
+            }
+            macro_rules! dot {
+                ($a:expr, $x:expr, $y:expr, $z:expr) => {{
+                    let xy = _mm_add_ps(_mm_mul_ps($a.0, $x), _mm_mul_ps($a.1, $y));
+                    _mm_add_ps(xy, _mm_mul_ps($a.2, $z))
+                }};
+            }
+            macro_rules! sheared {
+                ($v:expr) => {{
+                    let [kx, ky, kz] = query.k;
+                    let z = _mm_sub_ps(vertex!($v, kz), _mm_set1_ps(query.o_k[2]));
+                    let x = _mm_sub_ps(vertex!($v, kx), _mm_set1_ps(query.o_k[0]));
+                    let y = _mm_sub_ps(vertex!($v, ky), _mm_set1_ps(query.o_k[1]));
+                    (
+                        _mm_sub_ps(x, _mm_mul_ps(_mm_set1_ps(query.shear[0]), z)),
+                        _mm_sub_ps(y, _mm_mul_ps(_mm_set1_ps(query.shear[1]), z)),
+                    )
+                }};
+            }
+            let ((ax, ay), (bx, by), (cx, cy)) = (sheared!(0), sheared!(1), sheared!(2));
+            let a = cross!(cx, by, cy, bx);
+            let b = cross!(ax, cy, ay, cx);
+            let c = cross!(bx, ay, by, ax);
+            let zero = _mm_setzero_ps();
+            let all_above = _mm_cmp_ps::<_CMP_GE_OQ>(_mm_min_ps(_mm_min_ps(a, b), c), zero);
+            let all_below = _mm_cmp_ps::<_CMP_LE_OQ>(_mm_max_ps(_mm_max_ps(a, b), c), zero);
+            let inside = _mm_or_ps(all_above, all_below);
+            if _mm_movemask_ps(inside) == 0 {
+                return 0;
+            }
+            let det = _mm_add_ps(_mm_add_ps(a, b), c);
+            let inside = _mm_and_ps(inside, _mm_cmp_ps::<_CMP_NEQ_OQ>(det, zero));
+            macro_rules! edge {
+                ($v:expr, $axis:expr) => {
+                    _mm_sub_ps(vertex!($v, $axis), vertex!(0, $axis))
+                };
+            }
+            let (e1x, e1y, e1z) = (edge!(1, 0), edge!(1, 1), edge!(1, 2));
+            let (e2x, e2y, e2z) = (edge!(2, 0), edge!(2, 1), edge!(2, 2));
+            let n = (
+                cross!(e1y, e2z, e1z, e2y),
+                cross!(e1z, e2x, e1x, e2z),
+                cross!(e1x, e2y, e1y, e2x),
+            );
+            macro_rules! from {
+                ($axis:expr) => {
+                    _mm_sub_ps(vertex!(0, $axis), _mm_set1_ps(query.o[$axis]))
+                };
+            }
+            let [dx, dy, dz] = query.d;
+            let num = dot!(n, from!(0), from!(1), from!(2));
+            let den = dot!(n, _mm_set1_ps(dx), _mm_set1_ps(dy), _mm_set1_ps(dz));
+            let t = _mm_div_ps(num, den);
+            let after = _mm_cmp_ps::<_CMP_LE_OQ>(_mm_set1_ps(query.tmin), t);
+            let before = _mm_cmp_ps::<_CMP_LE_OQ>(t, _mm_set1_ps(query.tmax));
+            let mask = _mm_movemask_ps(_mm_and_ps(inside, _mm_and_ps(after, before))) as u32;
+            if mask != 0 {
+                _mm_storeu_ps(hits.edge[0].as_mut_ptr(), a);
+                _mm_storeu_ps(hits.edge[1].as_mut_ptr(), b);
+                _mm_storeu_ps(hits.edge[2].as_mut_ptr(), c);
+                _mm_storeu_ps(hits.det.as_mut_ptr(), det);
+                _mm_storeu_ps(hits.t.as_mut_ptr(), t);
+            }
+            mask
         }
-        mask
     }
 }

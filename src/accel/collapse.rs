@@ -1,11 +1,11 @@
 //! From a binary tree with one primitive per leaf to nodes of eight children and packs of four triangles.
 //!
-//! Greedy: of the children of a node the largest is opened until there are eight; up to four triangles
-//! become one pack. Nodes are laid out depth first. Should the binary tree be deeper than a stack allows for, the
+//! What becomes a node or a pack is decided by `plan`. Nodes are laid out depth first. Should the binary tree be deeper than a stack allows for, the
 //! subtree in question is rebuilt by halving its primitives.
 
 use super::build::{Prim, quadric, triangle};
 use super::layout::{Child, Node8, Tree, Tri4};
+use super::plan::Plan;
 use super::traverse::LONG_STACK;
 use crate::scene::{Geometry, Shape};
 use arrayvec::ArrayVec;
@@ -26,6 +26,7 @@ pub(super) fn collapse_with(shapes: &[Shape], prims: &[Prim], bvh: &Bvh2, balanc
         shapes,
         prims,
         bvh,
+        plan: Plan::new(bvh, |i| triangle(shapes, &prims[i as usize]).is_some()),
         balanced_depth,
         tree: Tree::default(),
     };
@@ -43,6 +44,7 @@ struct Collapse<'a> {
     shapes: &'a [Shape],
     prims: &'a [Prim],
     bvh: &'a Bvh2,
+    plan: Plan<'a>,
     balanced_depth: usize,
     tree: Tree,
 }
@@ -51,7 +53,9 @@ impl Collapse<'_> {
     /// Appends the node for a part, with all below it. Returns its index and how many stack entries a walk of it needs.
     fn node(&mut self, part: Part, depth: usize) -> (usize, usize) {
         let parts = match part {
-            Part::Subtree(root) if depth < self.balanced_depth => self.open(root),
+            Part::Subtree(root) if depth < self.balanced_depth => {
+                self.plan.open(root).into_iter().map(Part::Subtree).collect()
+            }
             Part::Subtree(root) => eighths(&self.primitives_below(root)),
             Part::List(list) => eighths(&list),
         };
@@ -84,46 +88,6 @@ impl Collapse<'_> {
         (index, need + siblings)
     }
 
-    /// Up to eight subtrees below a node of the binary tree (itself, if it is a leaf).
-    fn open(&self, root: u32) -> ArrayVec<Part, 8> {
-        let mut open = ArrayVec::<u32, 8>::new();
-        open.push(root);
-        while open.len() < 8 {
-            // Not the root itself: it has to become a node even if it would fit into a pack.
-            let is_open = |n: u32| n == root && open.len() == 1 || self.pack_of(n).is_none();
-            let area = |n: u32| self.bvh.nodes[n as usize].aabb().half_area();
-            let largest = (0..open.len())
-                .filter(|&i| !self.bvh.nodes[open[i] as usize].is_leaf() && is_open(open[i]))
-                .max_by(|&i, &j| area(open[i]).total_cmp(&area(open[j])));
-            let Some(largest) = largest else { break };
-            let first = self.bvh.nodes[open[largest] as usize].first_index;
-            open[largest] = first;
-            open.push(first + 1);
-        }
-        open.into_iter().map(Part::Subtree).collect()
-    }
-
-    /// The primitives of a subtree, if they fit into one leaf: up to four triangles, or any single one.
-    fn pack_of(&self, root: u32) -> Option<ArrayVec<u32, 4>> {
-        let mut found = ArrayVec::<u32, 4>::new();
-        let mut todo = ArrayVec::<u32, 4>::new();
-        todo.push(root);
-        while let Some(n) = todo.pop() {
-            let node = &self.bvh.nodes[n as usize];
-            if node.is_leaf() {
-                found
-                    .try_push(self.bvh.primitive_indices[node.first_index as usize])
-                    .ok()?;
-            } else if found.len() + todo.len() + 2 > 4 {
-                return None;
-            } else {
-                todo.push(node.first_index + 1);
-                todo.push(node.first_index);
-            }
-        }
-        self.fits(&found).then_some(found)
-    }
-
     fn fits(&self, list: &[u32]) -> bool {
         let is_triangle = |&i: &u32| triangle(self.shapes, &self.prims[i as usize]).is_some();
         list.len() == 1 || list.len() <= 4 && list.iter().all(is_triangle)
@@ -131,8 +95,9 @@ impl Collapse<'_> {
 
     /// Appends the leaf for a part, if it fits into one.
     fn leaf(&mut self, part: &Part) -> Option<Child> {
-        let list = match part {
-            Part::Subtree(root) => self.pack_of(*root)?,
+        let list: ArrayVec<u32, 4> = match part {
+            Part::Subtree(root) if self.plan.is_leaf(*root) => self.primitives_below(*root).into_iter().collect(),
+            Part::Subtree(_) => return None,
             Part::List(list) if self.fits(list) => list.iter().copied().collect(),
             Part::List(_) => return None,
         };
@@ -167,8 +132,7 @@ impl Collapse<'_> {
     }
 
     fn primitives_below(&self, root: u32) -> Vec<u32> {
-        let mut found = Vec::new();
-        let mut todo = vec![root];
+        let (mut found, mut todo) = (Vec::new(), vec![root]);
         while let Some(n) = todo.pop() {
             let node = &self.bvh.nodes[n as usize];
             if node.is_leaf() {

@@ -17,6 +17,7 @@ mod avx2;
 mod build;
 mod collapse;
 pub(crate) mod layout;
+mod plan;
 mod portable;
 mod quadric;
 mod traverse;

@@ -98,6 +98,7 @@ impl Quadric {
     }
 
     /// The smallest t in [tmin, tmax] at which the ray meets the surface.
+    #[inline(never)] // keeps the loop over nodes and triangles small
     pub fn intersect(&self, o: Vec3, d: Vec3, tmin: f32, tmax: f32) -> Option<f32> {
         let (o, d) = (o.as_dvec3(), d.as_dvec3());
         let inside = |t: f64| {

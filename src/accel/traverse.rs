@@ -25,6 +25,8 @@ pub(super) struct Query {
     pub near: [usize; 3],
     /// Axes of the sheared system: the longest component of d comes last.
     pub k: [usize; 3],
+    /// Origin in these axes.
+    pub o_k: [f32; 3],
     /// Shear: d[k[0]] / d[k[2]] and d[k[1]] / d[k[2]].
     pub shear: [f32; 2],
     pub tmin: f32,
@@ -62,6 +64,7 @@ impl Query {
             inv_far: inv.map(|i| i * FAR_SCALE),
             near: [near(0), near(1), near(2)],
             k,
+            o_k: k.map(|axis| o[axis]),
             shear: [d[k[0]] / d[kz], d[k[1]] / d[kz]],
             tmin,
             tmax,
