@@ -1,9 +1,47 @@
 //! Bidirectional scattering: a material at one point, as sample / pdf / eval trios.
+//!
+//! A [`Bsdf`] is a weighted sum of lobes, each a model in its own local frame; cosines are those of the *shading* frame
+//! only, as in Mitsuba: no direction is refused because the geometric normal disagrees.
+//!
+//! ```text
+//! eval(wo, wi)  = sum_l w_l f_l(wo, wi) |cos_l(wi)| c_l(wo, wi)          over lobes with a density
+//! pdf_dir       = sum_l p_l(wo) pdf_l(wo, wi),   p_l ~ w_l luminance(albedo_l(wo))      per solid angle of wi
+//! c_l           = 1 / eta^2  for radiance that crosses a boundary        (Veach 1997, eq. 5.2)
+//!                 |wo.n_l wi.n_geo| / |wo.n_geo wi.n_l| for importance   (Veach 1997, eq. 5.19)
+//! ```
+//!
+//! c_l is applied in `layer.rs` only; lobes know nothing of it. The three functions agree for any `wo` on the side the
+//! `Bsdf` was made for (two-sided materials and maps choose their frame by that side).
+//! Bias: none beyond that of the models. Not handled: the flip of normals under bump and normal maps depends on the side
+//! `wo` sees, so for importance it is not the exact adjoint where such a flip happens.
+//! Verified by `tests.rs` (chi-square, weight = value / pdf, reciprocity, adjoint, energy) and `golden.rs` (Mitsuba 3.9.1).
 
+mod conductor;
+mod dielectric;
+mod diffuse;
+mod erf;
+mod fresnel;
+#[cfg(test)]
+mod golden;
+mod layer;
+mod lobe;
+mod microfacet;
+mod plastic;
+mod resolve;
+mod rough_transmittance;
+#[cfg(test)]
+mod tests;
+
+use self::layer::Layer;
+use self::resolve::{MAX_LAYERS, Resolver};
 use super::material::Material;
 use super::surface::SurfacePoint;
 use super::texture::Textures;
-use crate::math::{Rgb, Vec2, Vec3};
+use crate::math::{Rgb, Vec2, Vec3, luminance};
+use arrayvec::ArrayVec;
+
+/// The largest float below 1: keeps remapped random numbers in [0, 1).
+const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON * 0.5;
 
 /// What a path carries. Radiance scales with the squared index when it crosses a boundary, photon power does not;
 /// and with shading normals the adjoint needs Veach's factor (1997, section 5.3). Both are applied here only.
@@ -47,32 +85,95 @@ pub struct BsdfSample {
 /// `wo` and `wi` are world unit vectors that point away from the surface.
 #[derive(Clone, Debug)]
 pub struct Bsdf {
-    _todo: (),
+    n_geo: Vec3,
+    /// Most materials are one lobe; `rest` then allocates nothing.
+    first: Layer,
+    rest: Vec<Layer>,
 }
 
 impl Bsdf {
     /// The material `id` at `at`, seen from `wo`.
     pub fn new(materials: &[Material], id: u32, textures: Textures, at: &SurfacePoint, wo: Vec3) -> Self {
-        let _ = (materials, id, textures, at, wo);
-        todo!("helper bsdf")
+        let mut resolver = Resolver::new(materials, textures, at, wo);
+        resolver.run(id);
+        Bsdf {
+            n_geo: at.n_geo,
+            first: resolver.first.unwrap_or_else(|| Layer::black(at.n_shade)),
+            rest: resolver.rest,
+        }
     }
 
     /// f(wo, wi) |cos(n_shade, wi)|, Dirac lobes excluded.
     pub fn eval(&self, wo: Vec3, wi: Vec3, transport: Transport) -> Rgb {
-        let _ = (wo, wi, transport);
-        todo!()
+        self.eval_pdf(wo, wi, transport).0
     }
 
     /// Density per solid angle with which [`Self::sample`] draws `wi`, Dirac lobes excluded.
     pub fn pdf_dir(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let _ = (wo, wi);
-        todo!()
+        self.eval_pdf(wo, wi, Transport::Radiance).1
+    }
+
+    /// [`Self::eval`] and [`Self::pdf_dir`] at once.
+    pub fn eval_pdf(&self, wo: Vec3, wi: Vec3, transport: Transport) -> (Rgb, f32) {
+        if self.rest.is_empty() {
+            let (f, pdf) = self.first.eval(self.n_geo, wo, wi, transport);
+            return (self.first.weight * f, pdf);
+        }
+        let (mut f, mut pdf, mut total) = (Rgb::ZERO, 0.0, 0.0);
+        for layer in self.layers() {
+            let share = luminance(layer.albedo(wo));
+            total += share;
+            if share > 0.0 && !layer.lobe.is_dirac() {
+                let (value, density) = layer.eval(self.n_geo, wo, wi, transport);
+                f += layer.weight * value;
+                pdf += share * density;
+            }
+        }
+        if pdf > 0.0 { (f, pdf / total) } else { (Rgb::ZERO, 0.0) }
     }
 
     /// Draws a direction. `u_lobe` chooses the lobe, `u` the direction within.
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, transport: Transport) -> Option<BsdfSample> {
-        let _ = (wo, u_lobe, u, transport);
-        todo!()
+        let (layer, share, u_lobe) = self.choose(wo, u_lobe)?;
+        let (s, wi, factor) = layer.sample(self.n_geo, wo, u_lobe, u, transport)?;
+        let (weight, pdf_dir) = match s.dirac {
+            Some((value, pmf)) => (value * (layer.weight * factor / (share * pmf)), 0.0),
+            None => {
+                let (f, pdf) = self.eval_pdf(wo, wi, transport);
+                (f / pdf, pdf)
+            }
+        };
+        // Also false for NaN, of pdf 0 or else.
+        let usable = weight.is_finite() && weight.max_element() > 0.0 && pdf_dir.is_finite();
+        usable.then_some(BsdfSample {
+            wi,
+            weight,
+            pdf_dir,
+            lobe: s.kind,
+            eta: s.eta,
+        })
+    }
+
+    /// Chooses a layer in proportion to its albedo: the layer, its probability, and what is left of the random number.
+    fn choose(&self, wo: Vec3, u: f32) -> Option<(&Layer, f32, f32)> {
+        if self.rest.is_empty() {
+            return Some((&self.first, 1.0, u));
+        }
+        let shares: ArrayVec<f32, MAX_LAYERS> = self.layers().map(|l| luminance(l.albedo(wo))).collect();
+        let total: f32 = shares.iter().sum();
+        let mut x = u * total;
+        let mut chosen = None;
+        for (layer, &share) in self.layers().zip(&shares) {
+            if share > 0.0 {
+                // Rounding may leave x beyond the last layer: it stays with the last that can be chosen.
+                chosen = Some((layer, share / total, (x / share).clamp(0.0, ONE_MINUS_EPSILON)));
+                if x < share {
+                    break;
+                }
+                x -= share;
+            }
+        }
+        chosen
     }
 
     /// [`Self::eval`] and [`Self::pdf_dir`] at once.
@@ -87,12 +188,26 @@ impl Bsdf {
 
     /// True if every lobe is a Dirac or null lobe: light sampling is of no use.
     pub fn is_delta(&self) -> bool {
-        todo!()
+        self.layers().all(|l| l.lobe.is_dirac())
+    }
+
+    /// True if a lobe is diffuse: worth storing photons.
+    pub fn has_diffuse(&self) -> bool {
+        self.layers().any(|l| l.lobe.has_diffuse())
+    }
+
+    /// Roughness (Beckmann or GGX alpha) of the sharpest lobe: 0 with specular ones, at most 1, the value of diffuse and
+    /// of null lobes.
+    pub fn min_alpha(&self) -> f32 {
+        self.layers().map(|l| l.lobe.min_alpha()).fold(1.0, f32::min)
     }
 
     /// Hemispherical albedo, approximate (for the albedo layer and photon storage).
     pub fn albedo(&self, wo: Vec3) -> Rgb {
-        let _ = wo;
-        todo!()
+        self.layers().map(|l| l.albedo(wo)).sum()
+    }
+
+    fn layers(&self) -> impl Iterator<Item = &Layer> {
+        std::iter::once(&self.first).chain(&self.rest)
     }
 }

@@ -1,0 +1,1 @@
+//! Properties of the models: to come.
