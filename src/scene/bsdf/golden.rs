@@ -215,6 +215,8 @@ fn nesting_agrees() {
 
 #[test]
 fn maps_of_normals_agree() {
+    // Mitsuba 3.9.1 gets the tangent under a bump map wrong (it mixes spaces): no anisotropy there.
+    let isotropic = || metal(rough(Distribution::Ggx, 0.3, 0.3));
     let ggx = || metal(rough(Distribution::Ggx, 0.2, 0.5));
     let normal_map = || Material::NormalMap { texture: 1, nested: 0 };
     let bump_map = || Material::BumpMap {
@@ -227,7 +229,7 @@ fn maps_of_normals_agree() {
         (vec![ggx(), normal_map()], &NORMAL_MAP),
         (vec![diffuse(0.5), bump_map()], &BUMP_MAP),
         (vec![ggx(), normal_map(), two_sided()], &TWOSIDED_NORMAL_MAP),
-        (vec![ggx(), bump_map(), two_sided()], &TWOSIDED_BUMP_MAP),
+        (vec![isotropic(), bump_map(), two_sided()], &TWOSIDED_BUMP_MAP),
     ] {
         let (f, pdf) = deviation(&materials, &tilted(), table);
         assert!(f < 5e-4 && pdf < 5e-4, "{f} {pdf}");
@@ -426,8 +428,8 @@ const TWOSIDED_NORMAL_MAP: [[f32; 2]; 20] = [
 ];
 #[rustfmt::skip]
 const TWOSIDED_BUMP_MAP: [[f32; 2]; 20] = [
-    [0.13257, 0.21403], [0.13463, 0.21749], [0.074858, 0.12545], [0.87684, 1.6551], [0.0098706, 0.016079],
-    [0.0016894, 0.0061044], [0.0, 0.0], [0.0060445, 0.011143], [0.042603, 0.074776], [0.055619, 0.12299],
-    [0.070814, 0.1157], [0.065333, 0.10929], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0],
-    [0.0, 0.0], [0.098079, 0.15974], [0.16672, 0.27011], [0.0, 0.0], [0.0, 0.0],
+    [0.25524, 0.41212], [0.25783, 0.41635], [0.20938, 0.34476], [0.99215, 1.7887], [0.032608, 0.053566],
+    [0.0055811, 0.015905], [0.0, 0.0], [0.031843, 0.054676], [0.09722, 0.17796], [0.015076, 0.030129],
+    [0.047631, 0.077401], [0.17467, 0.29455], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0],
+    [0.0, 0.0], [0.043191, 0.069907], [0.10124, 0.1638], [0.0, 0.0], [0.0, 0.0],
 ];

@@ -33,8 +33,19 @@ struct State {
     frame: Option<Frame>,
     /// Normal before the first map, if there was one.
     unperturbed: Option<Vec3>,
-    /// The back of a two-sided material: lobes live in the frame mirrored at the tangent plane.
-    mirrored: bool,
+    /// On the back of a two-sided material: the normal of the plane at which the world is mirrored, so that the material
+    /// sees its front.
+    mirror: Option<Vec3>,
+}
+
+impl State {
+    /// `v` as the material sees it.
+    fn mirrored(&self, v: Vec3) -> Vec3 {
+        match self.mirror {
+            Some(n) => v - n * (2.0 * n.dot(v)),
+            None => v,
+        }
+    }
 }
 
 /// Walks down a tree of materials and collects its lobes.
@@ -69,7 +80,7 @@ impl<'a> Resolver<'a> {
             n: self.at.n_shade,
             frame: None,
             unperturbed: None,
-            mirrored: false,
+            mirror: None,
         };
         self.descend(id, root);
         if self.dropped > 0.0 {
@@ -95,16 +106,14 @@ impl<'a> Resolver<'a> {
         }
         match &self.materials[id as usize] {
             Material::TwoSided { front, back } => {
-                let cos = if state.mirrored {
-                    -self.wo.dot(state.n)
-                } else {
-                    self.wo.dot(state.n)
-                };
-                if cos >= 0.0 {
+                if state.mirrored(self.wo).dot(state.n) >= 0.0 {
                     self.descend(*front, state);
                 } else {
-                    let mirrored = !state.mirrored;
-                    self.descend(*back, State { mirrored, ..state });
+                    let mirror = match state.mirror {
+                        None => Some(state.n),
+                        Some(_) => None,
+                    };
+                    self.descend(*back, State { mirror, ..state });
                 }
             }
             Material::Blend {
@@ -256,8 +265,12 @@ impl<'a> Resolver<'a> {
             None => Frame::from_normal(state.n),
         };
         let mut unperturbed = state.unperturbed;
-        if state.mirrored {
-            frame.n = -frame.n;
+        if state.mirror.is_some() {
+            frame = Frame {
+                s: state.mirrored(frame.s),
+                t: state.mirrored(frame.t),
+                n: state.mirrored(frame.n),
+            };
             unperturbed = unperturbed.map(|n| -n);
         }
         let layer = Layer {
@@ -291,10 +304,7 @@ impl<'a> Resolver<'a> {
     /// `state` with the normal `n` (in its shading frame, any length) as the new shading normal.
     fn perturbed(&self, state: State, n: Vec3) -> State {
         let base = self.tangent_frame(&state);
-        let mut wo = base.to_local(self.wo);
-        if state.mirrored {
-            wo.z = -wo.z;
-        }
+        let wo = base.to_local(state.mirrored(self.wo));
         let n = if wo.z * wo.dot(n) <= 0.0 {
             Vec3::new(-n.x, -n.y, n.z)
         } else {
