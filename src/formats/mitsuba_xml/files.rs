@@ -1,0 +1,69 @@
+//! Finding and opening the files a scene refers to.
+
+use super::report::{Checked, Loc, Report};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Largest text file that is read (scene or spectrum), bytes.
+const TEXT_LIMIT: u64 = 256 << 20;
+
+/// Looks for `name` in the folders, in order; then without regard to case and with `\` taken for `/`, with a
+/// warning. Only regular files count.
+pub fn find(name: &str, folders: &[PathBuf], loc: Loc, what: &str, report: &Report) -> Checked<PathBuf> {
+    if name.is_empty() {
+        return Err(report.error(loc, format!("the {what} has no file name")));
+    }
+    let exact = folders.iter().map(|folder| folder.join(name)).find(|p| p.is_file());
+    if let Some(path) = exact {
+        return Ok(path);
+    }
+    let slashed = name.replace('\\', "/");
+    if let Some(path) = folders.iter().find_map(|folder| find_any_case(folder, Path::new(&slashed))) {
+        report.warn(loc, format!("there is no file \"{name}\"; taking \"{}\"", path.display()));
+        return Ok(path);
+    }
+    if folders.iter().any(|folder| folder.join(name).exists()) {
+        return Err(report.error(loc, format!("\"{name}\" is not a file")));
+    }
+    let places: Vec<String> = folders.iter().map(|f| f.join("").display().to_string()).collect();
+    let help = Some(format!("looked in {}", places.join(", ")));
+    Err(report.error_help(loc, format!("{what} file \"{name}\" not found"), help))
+}
+
+/// `folder/name`, each part in any case; of several matches the first by name.
+fn find_any_case(folder: &Path, name: &Path) -> Option<PathBuf> {
+    let mut path = if name.is_absolute() { PathBuf::new() } else { folder.to_path_buf() };
+    for part in name.components() {
+        let next = path.join(part);
+        if next.exists() {
+            path = next;
+            continue;
+        }
+        let wanted = part.as_os_str().to_string_lossy().to_lowercase();
+        let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+        let entries = fs::read_dir(here).ok()?.filter_map(Result::ok).map(|e| e.file_name());
+        path = path.join(entries.filter(|e| e.to_string_lossy().to_lowercase() == wanted).min()?);
+    }
+    path.is_file().then_some(path)
+}
+
+/// Reads a text file of bounded size; the error is a message without position.
+pub fn read_text(path: &Path) -> Result<String, String> {
+    let metadata = fs::metadata(path).map_err(|e| e.to_string())?;
+    if !metadata.is_file() {
+        return Err("not a file".into());
+    }
+    if metadata.len() > TEXT_LIMIT {
+        return Err(format!("larger than {} MiB", TEXT_LIMIT >> 20));
+    }
+    let bytes = fs::read(path).map_err(|e| e.to_string())?;
+    String::from_utf8(bytes).map_err(|e| format!("not UTF-8 text (byte {})", e.utf8_error().valid_up_to()))
+}
+
+/// The folder of a file, `.` if it has none.
+pub fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+        _ => PathBuf::from("."),
+    }
+}
