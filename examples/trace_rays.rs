@@ -111,12 +111,7 @@ fn read_rays(path: &Path) -> Result<Vec<Ray>, Box<dyn Error>> {
     }
     let ray = |record: &[u8]| {
         let f = |i: usize| f32::from_le_bytes([0, 1, 2, 3].map(|k| record[4 * i + k]));
-        Ray {
-            o: Vec3::new(f(0), f(1), f(2)),
-            d: Vec3::new(f(3), f(4), f(5)),
-            tmin: f(6),
-            tmax: f(7),
-        }
+        Ray { o: Vec3::new(f(0), f(1), f(2)), d: Vec3::new(f(3), f(4), f(5)), tmin: f(6), tmax: f(7) }
     };
     Ok(bytes.chunks_exact(32).map(ray).collect())
 }

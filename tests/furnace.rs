@@ -54,8 +54,7 @@ fn the_furnace_test_sees_an_error_of_one_per_cent() {
 fn depth_limits_cut_the_series() {
     for (max_depth, expected) in [(1, 1.0), (2, 1.5), (3, 1.75)] {
         let settings = PathSettings { max_depth: Some(max_depth), ..PathSettings::default() };
-        let (mean, error) =
-            mean_over_runs(RUNS, |seed| render_path(furnace(sphere(), 0.5, 1.0), settings, 64, seed));
+        let (mean, error) = mean_over_runs(RUNS, |seed| render_path(furnace(sphere(), 0.5, 1.0), settings, 64, seed));
         assert!((mean - expected).abs() < T_LIMIT * error + 1e-4, "{max_depth}: {mean} +- {error}, not {expected}");
     }
 }
@@ -64,11 +63,8 @@ fn depth_limits_cut_the_series() {
 fn a_furnace_lit_from_infinity_shows_one_through_any_lossless_surface() {
     // A sphere that loses nothing in an environment of radiance 1 is invisible, whatever its material.
     let white = Color::Constant(Rgb::ONE);
-    let glass = Material::Dielectric {
-        eta: 1.5,
-        specular_reflectance: white.clone(),
-        specular_transmittance: white.clone(),
-    };
+    let glass =
+        Material::Dielectric { eta: 1.5, specular_reflectance: white.clone(), specular_transmittance: white.clone() };
     let pane = Material::ThinDielectric {
         eta: 1.5,
         specular_reflectance: white.clone(),
@@ -81,8 +77,7 @@ fn a_furnace_lit_from_infinity_shows_one_through_any_lossless_surface() {
         let id = material(&mut scene, m.clone());
         shape(&mut scene, sphere(), DMat4::IDENTITY, id, None);
         scene.lights.push(LightDesc::Constant { radiance: Rgb::ONE });
-        let (mean, error) =
-            mean_over_runs(RUNS, |seed| render_path(scene.clone(), PathSettings::default(), 64, seed));
+        let (mean, error) = mean_over_runs(RUNS, |seed| render_path(scene.clone(), PathSettings::default(), 64, seed));
         assert!((mean - 1.0).abs() < T_LIMIT * error + 1e-4, "{m:?}: {mean} +- {error}");
     }
 }

@@ -64,8 +64,10 @@ fn blocks(film: &Film) -> Vec<(f64, f64)> {
     for b in 0..BLOCKS * BLOCKS {
         let ys = (b / BLOCKS * film.height / BLOCKS)..((b / BLOCKS + 1) * film.height / BLOCKS);
         let xs = || (b % BLOCKS * film.width / BLOCKS)..((b % BLOCKS + 1) * film.width / BLOCKS);
-        let pixels: Vec<_> =
-            ys.flat_map(|y| xs().map(move |x| (y, x))).map(|(y, x)| &film.pixels()[(y * film.width + x) as usize]).collect();
+        let pixels: Vec<_> = ys
+            .flat_map(|y| xs().map(move |x| (y, x)))
+            .map(|(y, x)| &film.pixels()[(y * film.width + x) as usize])
+            .collect();
         let n = pixels.len() as f64;
         for c in 0..3 {
             let mean = pixels.iter().map(|p| p.mean()[c]).sum::<f64>() / n;
@@ -94,7 +96,8 @@ fn scenes_match_their_golden_blocks() {
     let golden = golden();
     let names = scene_names();
     assert!(names.len() >= 5 && names.iter().eq(golden.keys()), "regenerate tests/golden.json (see its test)");
-    let bad: Vec<String> = names.iter().flat_map(|n| mismatches(n, &render_small(n, TEST_PASSES, 77), &golden[n])).collect();
+    let bad: Vec<String> =
+        names.iter().flat_map(|n| mismatches(n, &render_small(n, TEST_PASSES, 77), &golden[n])).collect();
     assert!(bad.is_empty(), "\n{}", bad.join("\n"));
 }
 
@@ -108,7 +111,8 @@ fn a_wrong_picture_is_seen() {
 #[test]
 #[ignore = "writes tests/golden.json"]
 fn regenerate() {
-    let golden: Golden = scene_names().into_iter().map(|n| (n.clone(), blocks(&render_small(&n, GOLDEN_PASSES, 1)))).collect();
+    let golden: Golden =
+        scene_names().into_iter().map(|n| (n.clone(), blocks(&render_small(&n, GOLDEN_PASSES, 1)))).collect();
     let text = serde_json::to_string(&golden).expect("JSON").replace("]],", "]],\n");
     std::fs::write(folder("tests").join("golden.json"), text + "\n").expect("written");
 }

@@ -37,10 +37,7 @@ impl<T: Real> Ray<T> {
     /// Real parts.
     #[inline]
     pub fn re(&self) -> Ray<T::Primitive> {
-        Ray {
-            o: self.o.re(),
-            d: self.d.re(),
-        }
+        Ray { o: self.o.re(), d: self.d.re() }
     }
 }
 
@@ -66,22 +63,12 @@ impl<F: Scalar, const N: usize> Family<F, N> {
 
     /// Fixed origin: a pinhole's pixel, a light seen from a point, an emission cell of a point light.
     pub fn fixed(o: Vec3<F>, d: Vec3<F>, d_p: [Vec3<F>; N]) -> Self {
-        Self {
-            o,
-            o_p: [Vec3::zero(); N],
-            d,
-            d_p,
-        }
+        Self { o, o_p: [Vec3::zero(); N], d, d_p }
     }
 
     /// Fixed direction: a pixel of an orthographic camera, a cell of a sun's cross-section.
     pub fn parallel(o: Vec3<F>, o_p: [Vec3<F>; N], d: Vec3<F>) -> Self {
-        Self {
-            o,
-            o_p,
-            d,
-            d_p: [Vec3::zero(); N],
-        }
+        Self { o, o_p, d, d_p: [Vec3::zero(); N] }
     }
 
     /// True if all rays start from one point, which is where polynomial margins are exact.
@@ -95,11 +82,7 @@ impl<F: Scalar, const N: usize> Family<F, N> {
     #[inline]
     pub fn ray<T: Jet<N, Primitive = F>>(&self) -> Ray<T> {
         let d = seed(self.d, &self.d_p);
-        let o = if self.has_fixed_origin() {
-            Vec3::lift(self.o)
-        } else {
-            seed(self.o, &self.o_p)
-        };
+        let o = if self.has_fixed_origin() { Vec3::lift(self.o) } else { seed(self.o, &self.o_p) };
         Ray { o, d }
     }
 
@@ -148,21 +131,12 @@ impl<F: Scalar> Family<F, 4> {
     pub fn between(o: Vec3<F>, o_half: [Vec3<F>; 2], target: Vec3<F>, target_half: [Vec3<F>; 2]) -> Self {
         let [a, b] = o_half;
         let [c, e] = target_half;
-        Self {
-            o,
-            o_p: [a, b, Vec3::zero(), Vec3::zero()],
-            d: target - o,
-            d_p: [-a, -b, c, e],
-        }
+        Self { o, o_p: [a, b, Vec3::zero(), Vec3::zero()], d: target - o, d_p: [-a, -b, c, e] }
     }
 }
 
 /// A vector affine in the parameters.
 #[inline]
 fn seed<T: Jet<N>, const N: usize>(v: Vec3<T::Primitive>, v_p: &[Vec3<T::Primitive>; N]) -> Vec3<T> {
-    Vec3 {
-        x: T::jet(v.x, v_p.map(|g| g.x)),
-        y: T::jet(v.y, v_p.map(|g| g.y)),
-        z: T::jet(v.z, v_p.map(|g| g.z)),
-    }
+    Vec3 { x: T::jet(v.x, v_p.map(|g| g.x)), y: T::jet(v.y, v_p.map(|g| g.y)), z: T::jet(v.z, v_p.map(|g| g.z)) }
 }

@@ -92,12 +92,7 @@ pub trait Jet<const N: usize>: Real {
     /// Value, gradient and Hessian in one.
     #[inline]
     fn expansion(&self) -> Expansion<Prim<Self>, N> {
-        Expansion {
-            order: Self::NDERIV,
-            value: self.re(),
-            gradient: self.gradient(),
-            hessian: self.hessian(),
-        }
+        Expansion { order: Self::NDERIV, value: self.re(), gradient: self.gradient(), hessian: self.hessian() }
     }
 }
 
@@ -140,11 +135,7 @@ impl<F: Scalar, const N: usize> Jet<N> for DualSVec<F, N> {
 impl<F: Scalar, const N: usize> Jet<N> for Dual2SVec<F, N> {
     #[inline]
     fn jet(value: F, gradient: [F; N]) -> Self {
-        Dual2SVec::new(
-            value,
-            Derivative::some(RowSVector::from_fn(|_, k| gradient[k])),
-            Derivative::none(),
-        )
+        Dual2SVec::new(value, Derivative::some(RowSVector::from_fn(|_, k| gradient[k])), Derivative::none())
     }
     #[inline]
     fn gradient(&self) -> [F; N] {

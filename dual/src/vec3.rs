@@ -81,11 +81,7 @@ impl<T: Real> Vec3<T> {
     /// Vector product. Exchanging the factors flips the sign of each component exactly, to the last bit.
     #[inline]
     pub fn cross(self, o: Self) -> Self {
-        vec3(
-            self.y * o.z - self.z * o.y,
-            self.z * o.x - self.x * o.z,
-            self.x * o.y - self.y * o.x,
-        )
+        vec3(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
     }
 
     /// Squared length.

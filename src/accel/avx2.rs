@@ -198,11 +198,7 @@ mod x86 {
             }
             let (e1x, e1y, e1z) = (edge!(1, 0), edge!(1, 1), edge!(1, 2));
             let (e2x, e2y, e2z) = (edge!(2, 0), edge!(2, 1), edge!(2, 2));
-            let n = (
-                cross!(e1y, e2z, e1z, e2y),
-                cross!(e1z, e2x, e1x, e2z),
-                cross!(e1x, e2y, e1y, e2x),
-            );
+            let n = (cross!(e1y, e2z, e1z, e2y), cross!(e1z, e2x, e1x, e2z), cross!(e1x, e2y, e1y, e2x));
             macro_rules! from {
                 ($axis:expr) => {
                     _mm_sub_ps(vertex!(0, $axis), _mm_set1_ps(query.o[$axis]))

@@ -45,10 +45,7 @@ impl Prim {
     /// part due to the distance of the hit is covered by the scale of far distances, the rest by this.
     fn new(shape: u32, part: u32, min: Vec3, max: Vec3) -> Option<Self> {
         let pad = Vec3::splat((max - min).max_element() * (4.0 * f32::EPSILON));
-        let (min, max) = (
-            (min - pad).map(|x| x.next_down().next_down()),
-            (max + pad).map(|x| x.next_up().next_up()),
-        );
+        let (min, max) = ((min - pad).map(|x| x.next_down().next_down()), (max + pad).map(|x| x.next_up().next_up()));
         let usable = |v: Vec3| v.abs().cmple(Vec3::splat(LARGEST_COORDINATE)).all();
         (usable(min) && usable(max)).then_some(Prim { min, max, shape, part })
     }
@@ -97,11 +94,7 @@ fn triangle_prim(shape: u32, part: u32, [a, b, c]: [Vec3; 3]) -> Option<Prim> {
     };
     // Of NaN, minimum and maximum keep the other operand: it is looked for in the vertices themselves.
     let finite = a.is_finite() && b.is_finite() && c.is_finite();
-    if has_area && finite {
-        Prim::new(shape, part, a.min(b).min(c), a.max(b).max(c))
-    } else {
-        None
-    }
+    if has_area && finite { Prim::new(shape, part, a.min(b).min(c), a.max(b).max(c)) } else { None }
 }
 
 fn prims(shapes: &[Shape]) -> Vec<Prim> {
@@ -113,19 +106,10 @@ fn prims(shapes: &[Shape]) -> Vec<Prim> {
                 prims.par_extend(indices.filter_map(|i| triangle_prim(shape, i, mesh_triangle(mesh, i)?)));
             }
             Geometry::Rectangle(r) => {
-                prims.extend(
-                    [0, 1]
-                        .into_iter()
-                        .filter_map(|half| triangle_prim(shape, half, half_rectangle(r, half))),
-                );
+                prims.extend([0, 1].into_iter().filter_map(|half| triangle_prim(shape, half, half_rectangle(r, half))));
             }
             Geometry::Sphere(_) | Geometry::Disk(_) | Geometry::Cylinder(_) => {
-                let probe = Prim {
-                    min: Vec3::ZERO,
-                    max: Vec3::ZERO,
-                    shape,
-                    part: 0,
-                };
+                let probe = Prim { min: Vec3::ZERO, max: Vec3::ZERO, shape, part: 0 };
                 let bounds = quadric(shapes, &probe).map(|q| q.bounds);
                 // The f32 box may round inwards by half an ulp; `Prim::new` moves it out by two.
                 prims.extend(bounds.and_then(|(lo, hi)| Prim::new(shape, 0, lo.as_vec3(), hi.as_vec3())));

@@ -124,10 +124,9 @@ impl Collapse<'_> {
     fn bounds(&self, part: &Part) -> Aabb {
         match part {
             Part::Subtree(root) => *self.bvh.nodes[*root as usize].aabb(),
-            Part::List(list) => list
-                .iter()
-                .map(|&i| self.prims[i as usize].aabb())
-                .fold(Aabb::empty(), |a, b| a.union(&b)),
+            Part::List(list) => {
+                list.iter().map(|&i| self.prims[i as usize].aabb()).fold(Aabb::empty(), |a, b| a.union(&b))
+            }
         }
     }
 

@@ -66,10 +66,7 @@ impl Node8 {
     /// A node with no slot in use.
     pub const EMPTY: Node8 = {
         let (lo, hi) = ([f32::INFINITY; 8], [f32::NEG_INFINITY; 8]);
-        Node8 {
-            bounds: [lo, hi, lo, hi, lo, hi],
-            children: [Child::NONE; 8],
-        }
+        Node8 { bounds: [lo, hi, lo, hi, lo, hi], children: [Child::NONE; 8] }
     };
 }
 
@@ -87,11 +84,7 @@ pub(crate) struct Tri4 {
 
 impl Tri4 {
     /// A pack with no lane in use.
-    pub const EMPTY: Tri4 = Tri4 {
-        v: [[0.0; 4]; 9],
-        shape: [u32::MAX; 4],
-        prim: [u32::MAX; 4],
-    };
+    pub const EMPTY: Tri4 = Tri4 { v: [[0.0; 4]; 9], shape: [u32::MAX; 4], prim: [u32::MAX; 4] };
 }
 
 /// The whole tree. Nodes come before their descendants.

@@ -85,10 +85,7 @@ impl Accel {
 
     /// Builds the structure and chooses the instructions of its queries. The tree does not depend on them.
     pub fn with_simd(shapes: &[Shape], simd: Simd) -> Self {
-        Accel {
-            tree: build::build(shapes),
-            avx2: if simd == Simd::Avx2 { Avx2::detect() } else { None },
-        }
+        Accel { tree: build::build(shapes), avx2: if simd == Simd::Avx2 { Avx2::detect() } else { None } }
     }
 
     /// The instructions in use.

@@ -36,10 +36,7 @@ pub(super) struct Plan<'a> {
 impl<'a> Plan<'a> {
     /// Plans the tree. `is_triangle` tells whether a primitive can share a leaf with others.
     pub fn new(bvh: &'a Bvh2, is_triangle: impl Fn(u32) -> bool) -> Self {
-        let mut plan = Plan {
-            bvh,
-            entries: vec![Entry::default(); bvh.nodes.len()],
-        };
+        let mut plan = Plan { bvh, entries: vec![Entry::default(); bvh.nodes.len()] };
         // Parents before children; taken backwards, children first.
         let mut order = Vec::with_capacity(bvh.nodes.len());
         let mut todo = vec![0u32];
@@ -59,12 +56,7 @@ impl<'a> Plan<'a> {
     fn entry(&self, n: u32, is_triangle: impl Fn(u32) -> bool) -> Entry {
         let node = &self.bvh.nodes[n as usize];
         let area = node.aabb().half_area();
-        let leaf = |size| Entry {
-            cost: [area * LEAF_COST; 7],
-            split: [0; 8],
-            size,
-            fits: true,
-        };
+        let leaf = |size| Entry { cost: [area * LEAF_COST; 7], split: [0; 8], size, fits: true };
         if node.is_leaf() {
             let alone = !is_triangle(self.bvh.primitive_indices[node.first_index as usize]);
             return leaf(if alone { LEAF_SIZE + 1 } else { 1 });

@@ -70,11 +70,7 @@ impl Kernel for Portable {
             }
             let e1 = [0, 1, 2].map(|k| vertex(1, k) - vertex(0, k));
             let e2 = [0, 1, 2].map(|k| vertex(2, k) - vertex(0, k));
-            let n = [
-                e1[1] * e2[2] - e1[2] * e2[1],
-                e1[2] * e2[0] - e1[0] * e2[2],
-                e1[0] * e2[1] - e1[1] * e2[0],
-            ];
+            let n = [e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]];
             let from = [0, 1, 2].map(|k| vertex(0, k) - query.o[k]);
             let dot = |v: [f32; 3]| (n[0] * v[0] + n[1] * v[1]) + n[2] * v[2];
             let t = dot(from) / dot(query.d);

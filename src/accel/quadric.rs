@@ -88,12 +88,7 @@ impl Quadric {
         (radius > 0.0 && length > 0.0).then_some(Quadric {
             shape,
             bounds: (p0.min(p1) - reach, p0.max(p1) + reach),
-            kind: Kind::Cylinder {
-                p0,
-                dir,
-                length,
-                radius,
-            },
+            kind: Kind::Cylinder { p0, dir, length, radius },
         })
     }
 
@@ -116,18 +111,11 @@ impl Quadric {
                 let (x, y) = (p.dot(*gx), p.dot(*gy));
                 if x * x + y * y <= 1.0 { inside(t) } else { None }
             }
-            Kind::Cylinder {
-                p0,
-                dir,
-                length,
-                radius,
-            } => {
+            Kind::Cylinder { p0, dir, length, radius } => {
                 let across = |v: DVec3| v - dir * v.dot(*dir);
                 let from = o - p0;
                 let on_wall = |t: f64| (0.0..=*length).contains(&(from + d * t).dot(*dir));
-                roots(across(from), across(d), *radius)?
-                    .into_iter()
-                    .find_map(|t| inside(t).filter(|_| on_wall(t)))
+                roots(across(from), across(d), *radius)?.into_iter().find_map(|t| inside(t).filter(|_| on_wall(t)))
             }
         }
     }

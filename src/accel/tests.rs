@@ -22,12 +22,7 @@ impl Random {
 }
 
 pub(super) fn shape(geometry: Geometry) -> Shape {
-    Shape {
-        name: String::new(),
-        geometry,
-        material: 0,
-        emission: None,
-    }
+    Shape { name: String::new(), geometry, material: 0, emission: None }
 }
 
 pub(super) fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Shape {
@@ -65,18 +60,8 @@ fn mixed(random: &mut Random) -> Vec<Shape> {
                 flip: i % 8 == 0,
                 axes: [Vec3::X, Vec3::Y, Vec3::Z],
             }),
-            1 => Geometry::Rectangle(Rectangle {
-                center,
-                ex,
-                ey: other,
-                n,
-            }),
-            2 => Geometry::Disk(Disk {
-                center,
-                ex,
-                ey: other,
-                n,
-            }),
+            1 => Geometry::Rectangle(Rectangle { center, ex, ey: other, n }),
+            2 => Geometry::Disk(Disk { center, ex, ey: other, n }),
             _ => Geometry::Cylinder(Cylinder {
                 p0: center,
                 axis: other * 2.0,
@@ -93,9 +78,7 @@ fn mixed(random: &mut Random) -> Vec<Shape> {
 fn quadratic(f: DVec3, d: DVec3, r: f64, tmin: f64, accept: impl Fn(f64) -> bool) -> Option<f64> {
     let (a, b, c) = (d.dot(d), f.dot(d), f.dot(f) - r * r);
     let root = (b * b - a * c).sqrt();
-    [(-b - root) / a, (-b + root) / a]
-        .into_iter()
-        .find(|&t| t >= tmin && accept(t))
+    [(-b - root) / a, (-b + root) / a].into_iter().find(|&t| t >= tmin && accept(t))
 }
 
 /// Textbook Moeller-Trumbore in f64.
@@ -131,11 +114,7 @@ pub(super) fn brute_force(shapes: &[Shape], ray: &Ray) -> Option<(f64, u32, u32)
                 consider(triangle(o, d, [a, b, r.center - r.ex + r.ey], tmin), i, 0);
             }
             Geometry::Sphere(s) => {
-                consider(
-                    quadratic(o - s.center.as_dvec3(), d, s.radius as f64, tmin, |_| true),
-                    i,
-                    0,
-                );
+                consider(quadratic(o - s.center.as_dvec3(), d, s.radius as f64, tmin, |_| true), i, 0);
             }
             Geometry::Disk(k) => {
                 let (ex, ey, c) = (k.ex.as_dvec3(), k.ey.as_dvec3(), k.center.as_dvec3());
@@ -161,12 +140,7 @@ pub(super) fn brute_force(shapes: &[Shape], ray: &Ray) -> Option<(f64, u32, u32)
 
 pub(super) fn random_ray(random: &mut Random) -> Ray {
     let (o, target) = (random.cube() * 2.0, random.cube());
-    Ray {
-        o,
-        d: (target - o) * (0.1 + 3.0 * random.unit()),
-        tmin: 0.0,
-        tmax: f32::INFINITY,
-    }
+    Ray { o, d: (target - o) * (0.1 + 3.0 * random.unit()), tmin: 0.0, tmax: f32::INFINITY }
 }
 
 /// Compares with brute force. Rays that pass an edge within rounding may differ: fewer than 1 in 2000.
@@ -198,10 +172,7 @@ fn mixed_scenes_agree_with_brute_force() {
         let shapes = mixed(&mut random);
         let rays: Vec<Ray> = (0..8000).map(|_| random_ray(&mut random)).collect();
         let (hits, total) = agrees_with_brute_force(&shapes, rays.into_iter());
-        assert!(
-            hits * 4 > total && hits < total,
-            "{hits} of {total}: rays that test something"
-        );
+        assert!(hits * 4 > total && hits < total, "{hits} of {total}: rays that test something");
     }
 }
 
@@ -212,11 +183,7 @@ fn segments_are_respected() {
     let rays: Vec<Ray> = (0..8000)
         .map(|_| {
             let (tmin, length) = (random.unit() * 0.5, random.unit());
-            Ray {
-                tmin,
-                tmax: tmin + length,
-                ..random_ray(&mut random)
-            }
+            Ray { tmin, tmax: tmin + length, ..random_ray(&mut random) }
         })
         .collect();
     agrees_with_brute_force(&shapes, rays.into_iter());
@@ -231,12 +198,7 @@ fn axis_parallel_rays_agree_with_brute_force() {
             let mut d = [0.0, -0.0, 0.0];
             d[i % 3] = if i % 2 == 0 { 1.0 } else { -0.5 };
             let d = Vec3::from(d);
-            Ray {
-                d,
-                o: random.cube() - d.signum() * d.abs() * 2.0,
-                tmin: 0.0,
-                tmax: f32::INFINITY,
-            }
+            Ray { d, o: random.cube() - d.signum() * d.abs() * 2.0, tmin: 0.0, tmax: f32::INFINITY }
         })
         .collect();
     agrees_with_brute_force(&shapes, rays.into_iter());
@@ -270,9 +232,7 @@ fn the_lower_primitive_wins_a_tie() {
     let one = soup(&mut random, 300, 0.5);
     let shapes = vec![one.clone(), one.clone(), one];
     let accel = Accel::new(&shapes);
-    let hits = (0..5000)
-        .filter_map(|_| accel.closest(&random_ray(&mut random)))
-        .collect::<Vec<_>>();
+    let hits = (0..5000).filter_map(|_| accel.closest(&random_ray(&mut random))).collect::<Vec<_>>();
     assert!(hits.len() > 500 && hits.iter().all(|h| h.shape == 0));
 }
 
@@ -280,9 +240,7 @@ fn the_lower_primitive_wins_a_tie() {
 fn barycentrics_give_the_hit_point() {
     let mut random = Random(6);
     let shapes = vec![soup(&mut random, 300, 0.5)];
-    let Geometry::Mesh(m) = &shapes[0].geometry else {
-        unreachable!()
-    };
+    let Geometry::Mesh(m) = &shapes[0].geometry else { unreachable!() };
     let accel = Accel::new(&shapes);
     let mut hits = 0;
     for _ in 0..5000 {

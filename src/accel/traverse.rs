@@ -117,10 +117,7 @@ struct Stack<const N: usize> {
 impl<const N: usize> Stack<N> {
     #[inline(always)]
     fn new() -> Self {
-        Stack {
-            entries: [0; N],
-            len: 0,
-        }
+        Stack { entries: [0; N], len: 0 }
     }
 
     #[inline(always)]
@@ -280,11 +277,7 @@ fn leaf<K: Kernel>(tree: &Tree, child: Child, ray: &Ray, query: &mut Query, best
     }
 }
 
-const NO_HITS: TriHits = TriHits {
-    edge: [[0.0; 4]; 3],
-    det: [0.0; 4],
-    t: [0.0; 4],
-};
+const NO_HITS: TriHits = TriHits { edge: [[0.0; 4]; 3], det: [0.0; 4], t: [0.0; 4] };
 
 #[inline(always)]
 fn occluded_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray) -> bool {

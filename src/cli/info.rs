@@ -1,7 +1,7 @@
 //! `dualux info`: what a scene holds.
 
-use super::load::{SceneArgs, filter_name};
 use super::Failure;
+use super::load::{SceneArgs, filter_name};
 use crate::scene::{Geometry, Scene};
 use std::collections::BTreeMap;
 use std::time::Instant;

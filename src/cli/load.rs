@@ -39,7 +39,7 @@ pub enum SimdChoice {
 impl From<SimdChoice> for Simd {
     fn from(choice: SimdChoice) -> Simd {
         match choice {
-            SimdChoice::Auto => Simd::detect(),
+            SimdChoice::Auto => Simd::Avx2,
             SimdChoice::Portable => Simd::Portable,
         }
     }

@@ -71,11 +71,7 @@ fn percent(text: &str) -> Result<f64, String> {
 /// If a file cannot be read or written, or the sizes disagree.
 pub fn run(args: &MetricArgs) -> Result<(), Box<dyn Error + Send + Sync>> {
     let errors = compare(args)?;
-    let text = if args.json {
-        serde_json::to_string_pretty(&errors)? + "\n"
-    } else {
-        table(&errors)
-    };
+    let text = if args.json { serde_json::to_string_pretty(&errors)? + "\n" } else { table(&errors) };
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         // Whoever reads has heard enough.
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
@@ -87,11 +83,7 @@ pub fn run(args: &MetricArgs) -> Result<(), Box<dyn Error + Send + Sync>> {
 fn compare(args: &MetricArgs) -> Result<Errors, Box<dyn Error + Send + Sync>> {
     let image = read_image(&args.image)?;
     let a = read_reference(&args.reference, &image)?;
-    let b = args
-        .reference_b
-        .as_ref()
-        .map(|path| read_reference(path, &image))
-        .transpose()?;
+    let b = args.reference_b.as_ref().map(|path| read_reference(path, &image)).transpose()?;
     let in_files = |message: String| format!("{}, {}: {message}", args.image.display(), args.reference.display());
     let reference = Reference::new(&a, b.as_ref()).map_err(in_files)?;
     let errors = reference.errors(&image, args.trim).map_err(in_files)?;
@@ -126,10 +118,7 @@ fn table(e: &Errors) -> String {
     line("not finite (taken as black)", e.nonfinite.to_string());
     line("RMSE", format!("{:.4e}", e.rmse));
     line("relMSE, untrimmed", format!("{:.4e}", e.relmse));
-    line(
-        &format!("relMSE, worst {} % dropped", e.trim_percent),
-        format!("{:.4e}", e.relmse_trimmed),
-    );
+    line(&format!("relMSE, worst {} % dropped", e.trim_percent), format!("{:.4e}", e.relmse_trimmed));
     if let Some(value) = e.relmse_noise_free {
         line("relMSE, noise-free", format!("{value:.4e}"));
     }
@@ -159,12 +148,7 @@ mod tests {
     }
 
     fn write(path: &Path, window: Window, value: impl Fn(i32, i32) -> f32) {
-        let at = |i: usize| {
-            value(
-                window.x + (i % window.width) as i32,
-                window.y + (i / window.width) as i32,
-            )
-        };
+        let at = |i: usize| value(window.x + (i % window.width) as i32, window.y + (i / window.width) as i32);
         let pixels: Vec<Rgb> = (0..window.area()).map(|i| Rgb::splat(at(i))).collect();
         let mut image = ExrImage::new(window, (32, 24));
         image.add_layer("", "RGB", Precision::Float, &pixels);
@@ -187,12 +171,7 @@ mod tests {
         write(Path::new(&image), full, |x, y| 1.1 * value(x, y));
         write(Path::new(&a), full, value);
         write(Path::new(&b), full, value);
-        let part = Window {
-            x: 8,
-            y: 4,
-            width: 16,
-            height: 16,
-        };
+        let part = Window { x: 8, y: 4, width: 16, height: 16 };
         write(Path::new(&crop), part, |x, y| 1.1 * value(x, y));
         write(Path::new(&small), Window::full(8, 8), value);
 
@@ -207,17 +186,11 @@ mod tests {
 
         let e = compare_files(&[&crop, &a]).unwrap();
         assert_eq!(e.pixels, 256);
-        assert!(
-            (e.bias_percent - 10.0).abs() < 1e-3,
-            "the crop lies where it was rendered"
-        );
+        assert!((e.bias_percent - 10.0).abs() < 1e-3, "the crop lies where it was rendered");
         assert!(e.relmse_noise_free.is_none() && !table(&e).contains("noise-free"));
 
         let message = compare_files(&[&image, &small]).unwrap_err();
-        assert!(
-            message.contains("s.exr") && message.contains("32 x 24") && message.contains("8 x 8"),
-            "{message}"
-        );
+        assert!(message.contains("s.exr") && message.contains("32 x 24") && message.contains("8 x 8"), "{message}");
     }
 
     #[test]
@@ -225,10 +198,6 @@ mod tests {
         assert!(compare_files(&["a.exr"]).is_err());
         assert!(compare_files(&["a.exr", "b.exr", "--trim", "200"]).is_err());
         assert!(compare_files(&["a.exr", "b.exr", "--diff", "d.png", "--diff-scale", "0"]).is_err());
-        assert!(
-            compare_files(&["/no/a.exr", "/no/b.exr"])
-                .unwrap_err()
-                .contains("/no/a.exr")
-        );
+        assert!(compare_files(&["/no/a.exr", "/no/b.exr"]).unwrap_err().contains("/no/a.exr"));
     }
 }

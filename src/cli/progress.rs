@@ -3,7 +3,7 @@
 use super::output::Output;
 use crate::image::Picture;
 use crate::image::film::Film;
-use crate::image::metrics;
+use crate::image::metrics::Reference;
 use crate::integrators::Counts;
 use crate::render::{COARSE_BLOCK, Observer};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -22,24 +22,6 @@ pub struct ErrorPoint {
     pub seconds: f64,
     /// Untrimmed relMSE.
     pub relmse: f64,
-}
-
-/// The reference to compare with while rendering: one picture, or two independent halves.
-#[derive(Debug)]
-pub struct Reference {
-    /// First picture.
-    pub a: Picture,
-    /// Second half.
-    pub b: Option<Picture>,
-}
-
-impl Reference {
-    /// Untrimmed relMSE of the film's picture.
-    fn error(&self, film: &Film) -> f64 {
-        let size = (film.width as usize, film.height as usize);
-        let picture = Picture::new(size.0, size.1, film.picture(COARSE_BLOCK));
-        metrics::relmse(&picture, &self.a, self.b.as_ref())
-    }
 }
 
 /// The observer of the `render` command.
@@ -106,7 +88,10 @@ impl<'a> Reporter<'a> {
     pub fn measure(&mut self, passes: u64, film: &Film) {
         if let Some(reference) = &self.reference {
             let seconds = self.start.elapsed().as_secs_f64();
-            let relmse = reference.error(film);
+            let size = (film.width as usize, film.height as usize);
+            let picture = Picture::new(size.0, size.1, film.picture(COARSE_BLOCK));
+            // The reference was fitted to the film's size before.
+            let relmse = reference.relmse(&picture).unwrap_or(f64::NAN);
             self.say(&format!("{passes:>8} passes  {seconds:>8.2} s  relMSE {relmse:.3e}"));
             self.curve.push(ErrorPoint { passes, seconds, relmse });
         }

@@ -2,10 +2,11 @@
 
 use super::load::{SceneArgs, crop_film, scale_film};
 use super::output::{Aov, Output};
-use super::progress::{Reference, Reporter};
+use super::progress::Reporter;
 use super::{Failure, options};
 use crate::formats::Diagnostic;
 use crate::image::exr_file::Attribute;
+use crate::image::metrics::Reference;
 use crate::image::{Window, read_image};
 use crate::integrators::path::{Path, PathSettings};
 use crate::integrators::{Counts, Integrator, World};
@@ -199,7 +200,7 @@ fn output(args: &RenderArgs, frame: (usize, usize)) -> Result<Output, Failure> {
     }
     let command: Vec<String> = std::env::args().skip(1).collect();
     let attributes = vec![
-        ("software".to_string(), Attribute::Text(format!("dualux {}", env!("CARGO_PKG_VERSION")))),
+        ("dualux:version".to_string(), Attribute::Text(env!("CARGO_PKG_VERSION").into())),
         ("dualux:command".to_string(), Attribute::Text(command.join(" "))),
         ("dualux:seed".to_string(), Attribute::Text(args.seed.unwrap_or_default().to_string())),
     ];
@@ -227,8 +228,8 @@ fn read_reference(args: &RenderArgs, [x, y, width, height]: [u32; 4]) -> Result<
         let problem = || format!("{}: {w} x {h} pixels do not fit the image of {width} x {height}", path.display());
         pictures.push(fitting.ok_or_else(problem)?);
     }
-    let mut pictures = pictures.into_iter();
-    Ok(pictures.next().map(|a| Reference { a, b: pictures.next() }))
+    let reference = pictures.first().map(|a| Reference::new(a, pictures.get(1)));
+    Ok(reference.transpose()?)
 }
 
 /// A flag that SIGINT, SIGTERM and SIGHUP set; a second signal ends the process at once.
@@ -258,12 +259,17 @@ fn remarks(scene: &crate::scene::Scene, integrator: &dyn Integrator, done: &Prog
     if scene.lights.is_empty() {
         out.push("the scene has no light: the picture is black".into());
     } else if done.film.pixels().iter().all(|p| p.mean() == [0.0; 3]) {
-        out.push("the picture is black: no light reaches the camera (area lights emit on their normal side only)".into());
+        out.push(
+            "the picture is black: no light reaches the camera (area lights emit on their normal side only)".into(),
+        );
     }
     if done.counts.invalid > 0 {
         let first: Vec<String> = done.invalid.iter().map(|s| format!("{},{},{}", s.x, s.y, s.pass)).collect();
         let n = done.counts.invalid;
-        out.push(format!("{n} samples were not finite and left out; --replay x,y,pass shows one of: {}", first.join(" ")));
+        out.push(format!(
+            "{n} samples were not finite and left out; --replay x,y,pass shows one of: {}",
+            first.join(" ")
+        ));
     }
     if done.passes == 0 {
         out.push("the time limit fell into the first pass: parts of the picture are coarse".into());

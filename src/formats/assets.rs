@@ -1,5 +1,6 @@
 //! Files that a scene refers to: one place where scene readers meet mesh and picture readers.
 
+use super::{bitmap, obj, ply, serialized};
 use crate::scene::mesh::MeshData;
 use crate::scene::texture::Bitmap;
 use std::path::Path;
@@ -17,14 +18,15 @@ pub enum MeshKind {
 
 /// Reads a mesh; the error is the text of the reader.
 pub fn read_mesh(path: &Path, kind: MeshKind) -> Result<MeshData, String> {
-    let _ = kind;
-    std::fs::File::open(path).map_err(|e| e.to_string())?;
-    Ok(MeshData::default())
+    match kind {
+        MeshKind::Obj(flip) => obj::read(path, flip),
+        MeshKind::Ply(flip) => ply::read(path, flip),
+        MeshKind::Serialized(index) => serialized::read(path, index as usize),
+    }
+    .map_err(|e| e.to_string())
 }
 
 /// Reads a picture; `srgb` asks for 8-bit values to be decoded to linear.
 pub fn read_bitmap(path: &Path, srgb: bool) -> Result<Bitmap, String> {
-    let _ = srgb;
-    std::fs::File::open(path).map_err(|e| e.to_string())?;
-    Ok(Bitmap::default())
+    bitmap::read(path, srgb).map_err(|e| e.to_string())
 }

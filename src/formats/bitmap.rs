@@ -18,11 +18,7 @@ pub use crate::image::ImageFileError as BitmapError;
 /// [`MAX_PIXELS`](crate::image::error::MAX_PIXELS).
 pub fn read(path: &Path, srgb: bool) -> Result<Bitmap, BitmapError> {
     let picture = read_image_as(path, srgb)?;
-    Ok(Bitmap {
-        width: picture.width(),
-        height: picture.height(),
-        pixels: picture.pixels,
-    })
+    Ok(Bitmap { width: picture.width(), height: picture.height(), pixels: picture.pixels })
 }
 
 #[cfg(test)]

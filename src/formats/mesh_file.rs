@@ -43,11 +43,7 @@ pub(super) type Located = (Place, String);
 
 /// Reads the file and parses its bytes.
 pub(super) fn read_with<T>(path: &Path, parse: impl FnOnce(&[u8]) -> Result<T, Located>) -> Result<T, MeshError> {
-    let error = |(place, message)| MeshError {
-        path: path.to_path_buf(),
-        place,
-        message,
-    };
+    let error = |(place, message)| MeshError { path: path.to_path_buf(), place, message };
     let bytes = std::fs::read(path).map_err(|e| error((Place::File, format!("cannot read the file: {e}"))))?;
     parse(&bytes).map_err(error)
 }
@@ -59,9 +55,7 @@ pub(super) fn line_of(bytes: &[u8], offset: usize) -> Place {
 
 /// A piece of the file for a message: printable and short.
 pub(super) fn quote(token: &[u8]) -> String {
-    let text: String = String::from_utf8_lossy(&token[..token.len().min(40)])
-        .escape_debug()
-        .collect();
+    let text: String = String::from_utf8_lossy(&token[..token.len().min(40)]).escape_debug().collect();
     format!("`{text}{}`", if token.len() > 40 { "..." } else { "" })
 }
 
@@ -94,10 +88,7 @@ pub(super) fn parse_f32(token: &[u8]) -> Option<f32> {
         }
     }
     if matches!(digits.get(i), Some(b'e' | b'E')) {
-        match std::str::from_utf8(&digits[i + 1..])
-            .ok()
-            .and_then(|e| e.parse::<i32>().ok())
-        {
+        match std::str::from_utf8(&digits[i + 1..]).ok().and_then(|e| e.parse::<i32>().ok()) {
             Some(e) => scale = scale.saturating_add(e),
             None => return None,
         }
@@ -105,11 +96,7 @@ pub(super) fn parse_f32(token: &[u8]) -> Option<f32> {
     }
     if i == digits.len() && (1..=19).contains(&count) && mantissa < 1 << 53 && scale.unsigned_abs() <= 22 {
         let power = POWERS[scale.unsigned_abs() as usize];
-        let value = if scale < 0 {
-            mantissa as f64 / power
-        } else {
-            mantissa as f64 * power
-        };
+        let value = if scale < 0 { mantissa as f64 / power } else { mantissa as f64 * power };
         return Some(if negative { -value } else { value } as f32);
     }
     std::str::from_utf8(token).ok()?.parse::<f64>().ok().map(|v| v as f32)
@@ -175,16 +162,8 @@ pub(super) mod mutate {
                     bytes.splice(to..to, copy);
                 }
                 5 => {
-                    let word: [&[u8]; 8] = [
-                        b"999999999999",
-                        b"-1",
-                        b"4294967296",
-                        b"nan",
-                        b"1e999",
-                        b"\n",
-                        b" / ",
-                        b"0",
-                    ];
+                    let word: [&[u8]; 8] =
+                        [b"999999999999", b"-1", b"4294967296", b"nan", b"1e999", b"\n", b" / ", b"0"];
                     bytes.splice(at..at, word[random(8)].iter().copied());
                 }
                 6 => {
@@ -208,42 +187,23 @@ mod tests {
 
     #[test]
     fn numbers_agree_with_the_standard_library() {
-        for text in [
-            "0",
-            "-0",
-            "1",
-            "+1.5",
-            ".5",
-            "5.",
-            "1e3",
-            "1E-3",
-            "-2.5e+10",
-            "123456789012345678901",
-            "1e-45",
-            "inf",
-        ] {
-            assert_eq!(
-                parse_f32(text.as_bytes()),
-                text.parse::<f64>().ok().map(|v| v as f32),
-                "{text}"
-            );
+        for text in
+            ["0", "-0", "1", "+1.5", ".5", "5.", "1e3", "1E-3", "-2.5e+10", "123456789012345678901", "1e-45", "inf"]
+        {
+            assert_eq!(parse_f32(text.as_bytes()), text.parse::<f64>().ok().map(|v| v as f32), "{text}");
         }
         for i in 0..20_000u64 {
             let v = f32::from_bits(hash(i, 1) as u32);
-            for text in [
-                format!("{v}"),
-                format!("{v:e}"),
-                format!("{:.6}", (hash(i, 2) % 2_000_000) as f64 * 1e-3 - 1e3),
-            ] {
+            for text in
+                [format!("{v}"), format!("{v:e}"), format!("{:.6}", (hash(i, 2) % 2_000_000) as f64 * 1e-3 - 1e3)]
+            {
                 let want = text.parse::<f64>().map(|v| v as f32).expect("a number");
                 let got = parse_f32(text.as_bytes()).expect("a number");
                 assert!(got == want || (got.is_nan() && want.is_nan()), "{text}: {got}");
             }
         }
         assert!(parse_f32(b"nan").is_some_and(f32::is_nan));
-        for text in [
-            "", "-", ".", "e5", "1e", "1e+", "1.2.3", "0x10", "1,5", "1 ", "--1", "\u{e9}", "1e5x",
-        ] {
+        for text in ["", "-", ".", "e5", "1e", "1e+", "1.2.3", "0x10", "1,5", "1 ", "--1", "\u{e9}", "1e5x"] {
             assert_eq!(parse_f32(text.as_bytes()), None, "{text:?}");
         }
     }
@@ -261,21 +221,12 @@ mod tests {
     fn errors_name_the_place() {
         let at = |place| {
             let message = "wrong".to_string();
-            MeshError {
-                path: "a.obj".into(),
-                place,
-                message,
-            }
-            .to_string()
+            MeshError { path: "a.obj".into(), place, message }.to_string()
         };
         assert_eq!(at(line_of(b"a\nb\nc", 4)), "a.obj:3: wrong");
         assert_eq!(at(Place::Byte(8)), "a.obj: at byte 8: wrong");
         assert_eq!(at(Place::File), "a.obj: wrong");
         let missing = read_with(Path::new("/nonexistent/a.obj"), |_| Ok(())).expect_err("no such file");
-        assert!(
-            missing
-                .to_string()
-                .starts_with("/nonexistent/a.obj: cannot read the file")
-        );
+        assert!(missing.to_string().starts_with("/nonexistent/a.obj: cannot read the file"));
     }
 }

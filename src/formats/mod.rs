@@ -1,14 +1,14 @@
 //! Readers of scene, mesh and picture files.
 
+mod assets;
 pub mod bitmap;
+mod cie;
+pub mod diagnostics;
 pub mod mesh_file;
+pub mod mitsuba_xml;
 pub mod obj;
 pub mod ply;
 pub mod serialized;
-mod assets;
-mod cie;
-pub mod diagnostics;
-pub mod mitsuba_xml;
 pub mod spectrum;
 
 use crate::scene::Description;

@@ -46,9 +46,7 @@ pub(super) fn parse(bytes: &[u8], flip_tex_coords: bool) -> Result<MeshData, Loc
     let mut start = 0;
     while start < bytes.len() {
         let end = logical_line_end(bytes, start);
-        parser
-            .line(bytes, start, end)
-            .map_err(|(offset, message)| (line_of(bytes, offset), message))?;
+        parser.line(bytes, start, end).map_err(|(offset, message)| (line_of(bytes, offset), message))?;
         start = end + 1;
     }
     parser.finish(bytes, flip_tex_coords)
@@ -58,10 +56,7 @@ pub(super) fn parse(bytes: &[u8], flip_tex_coords: bool) -> Result<MeshData, Loc
 fn logical_line_end(bytes: &[u8], start: usize) -> usize {
     let mut end = start;
     loop {
-        end += bytes[end..]
-            .iter()
-            .position(|&b| b == b'\n')
-            .unwrap_or(bytes.len() - end);
+        end += bytes[end..].iter().position(|&b| b == b'\n').unwrap_or(bytes.len() - end);
         let text = bytes[start..end].strip_suffix(b"\r").unwrap_or(&bytes[start..end]);
         if end == bytes.len() || text.last() != Some(&b'\\') {
             return end;
@@ -146,10 +141,7 @@ impl Parser {
             }
             let index = parse_i64(part).filter(|_| kind < 3);
             let Some(index) = index else {
-                return Err((
-                    at,
-                    format!("{} is no face corner (v, v/vt, v//vn or v/vt/vn)", quote(word)),
-                ));
+                return Err((at, format!("{} is no face corner (v, v/vt, v//vn or v/vt/vn)", quote(word))));
             };
             let absolute = match index {
                 1.. => index - 1,
@@ -157,10 +149,7 @@ impl Parser {
             };
             if index == 0 || absolute < 0 {
                 let (name, len) = (KINDS[kind], lengths[kind]);
-                return Err((
-                    at,
-                    format!("index {index} in {}: there are {len} {name} so far", quote(word)),
-                ));
+                return Err((at, format!("index {index} in {}: there are {len} {name} so far", quote(word))));
             }
             // Beyond u32 is beyond any file; the report at the end names what was written.
             let absolute = absolute.min(NONE as i64 - 1) as u32;
@@ -196,25 +185,13 @@ impl Parser {
         let uses = |kind: usize| self.corners.iter().any(|c| c[kind] != NONE);
         let uv = |c: &Corner| {
             let uv = self.uvs.get(c[1] as usize).copied().unwrap_or_default();
-            if flip_tex_coords {
-                Vec2::new(uv.x, 1.0 - uv.y)
-            } else {
-                uv
-            }
+            if flip_tex_coords { Vec2::new(uv.x, 1.0 - uv.y) } else { uv }
         };
         let normal = |c: &Corner| self.normals.get(c[2] as usize).copied().unwrap_or_default();
         Ok(MeshData {
             positions: self.corners.iter().map(|c| self.positions[c[0] as usize]).collect(),
-            uvs: if uses(1) {
-                self.corners.iter().map(uv).collect()
-            } else {
-                Vec::new()
-            },
-            normals: if uses(2) {
-                self.corners.iter().map(normal).collect()
-            } else {
-                Vec::new()
-            },
+            uvs: if uses(1) { self.corners.iter().map(uv).collect() } else { Vec::new() },
+            normals: if uses(2) { self.corners.iter().map(normal).collect() } else { Vec::new() },
             triangles: self.triangles,
             ..MeshData::default()
         })
@@ -312,10 +289,7 @@ mod tests {
     fn errors_name_line_and_cause() {
         assert_eq!(error("v 0 0 0\nv 1 x 0\n"), "Line(2) `x` is no number");
         assert_eq!(error("v 0 0\n"), "Line(1) 3 numbers needed, 2 found");
-        assert_eq!(
-            error("v 0 0 0\n\nf 1 1\n"),
-            "Line(3) a face needs at least 3 corners, this one has 2"
-        );
+        assert_eq!(error("v 0 0 0\n\nf 1 1\n"), "Line(3) a face needs at least 3 corners, this one has 2");
         assert!(error("v 0 0 0\nf 1 1 2\n").starts_with("Line(2) index 2 is beyond the file's 1 vertices"));
         assert!(error("v 0 0 0\nf 1 1 -2\n").contains("there are 1 vertices (v) so far"));
         assert!(error("v 0 0 0\nf 0 1 1\n").contains("index 0"));
@@ -334,21 +308,13 @@ mod tests {
         for seed in 0..4000 {
             let bytes = mutate(CUBE_CORNER.as_bytes(), seed);
             match parse(&bytes, true) {
-                Ok(mesh) => assert!(
-                    mesh.triangles
-                        .iter()
-                        .flatten()
-                        .all(|&i| (i as usize) < mesh.positions.len())
-                ),
+                Ok(mesh) => assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < mesh.positions.len())),
                 Err((_, message)) => {
                     refused += 1;
                     assert!(!message.is_empty());
                 }
             }
         }
-        assert!(
-            (400..3900).contains(&refused),
-            "{refused} of 4000 refused: the damage is too light or too heavy"
-        );
+        assert!((400..3900).contains(&refused), "{refused} of 4000 refused: the damage is too light or too heavy");
     }
 }

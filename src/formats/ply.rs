@@ -37,11 +37,7 @@ pub(super) fn parse(bytes: &[u8], flip_tex_coords: bool) -> Result<MeshData, Loc
     })?;
     if data.triangles.is_empty() {
         let strips = header.elements.iter().any(|e| e.name == "tristrips");
-        let hint = if strips {
-            ": triangle strips are not supported"
-        } else {
-            ""
-        };
+        let hint = if strips { ": triangle strips are not supported" } else { "" };
         return Err((Place::File, format!("the file holds no faces{hint}")));
     }
     if flip_tex_coords {
@@ -72,11 +68,7 @@ trait Source {
 /// All elements of the body.
 fn elements<S: Source>(header: &Header, source: &mut S) -> Result<MeshData, AtOffset> {
     let mut data = MeshData::default();
-    let vertices = header
-        .elements
-        .iter()
-        .find(|e| e.name == "vertex")
-        .map_or(0, |e| e.count);
+    let vertices = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
     for element in &header.elements {
         check_count::<S>(element, source)?;
         match element.name.as_str() {
@@ -92,11 +84,7 @@ fn elements<S: Source>(header: &Header, source: &mut S) -> Result<MeshData, AtOf
 fn check_count<S: Source>(element: &Element, source: &S) -> Result<(), AtOffset> {
     let least: usize = element.properties.iter().map(|p| S::least_size(p.first_number())).sum();
     // One byte of grace: the last ASCII number needs no blank after it.
-    if element
-        .count
-        .checked_mul(least)
-        .is_none_or(|needed| needed > source.left() + 1)
-    {
+    if element.count.checked_mul(least).is_none_or(|needed| needed > source.left() + 1) {
         return Err((
             source.at(),
             format!(
@@ -172,29 +160,20 @@ fn read_polygon<S: Source>(
         && let Some(t) = source.triangle(item)
     {
         if t.iter().any(|&i| i as usize >= vertices) {
-            return Err((
-                start,
-                format!("face {t:?} refers to a vertex beyond the file's {vertices}"),
-            ));
+            return Err((start, format!("face {t:?} refers to a vertex beyond the file's {vertices}")));
         }
         triangles.push(t);
         return Ok(());
     }
     if corners < 3 {
-        return Err((
-            start,
-            format!("a face needs at least 3 corners, this one has {corners}"),
-        ));
+        return Err((start, format!("a face needs at least 3 corners, this one has {corners}")));
     }
     let (mut first, mut last) = (0, 0);
     for k in 0..corners {
         let at = source.at();
         let index = source.integer(item)?;
         let Some(index) = u32::try_from(index).ok().filter(|&i| (i as usize) < vertices) else {
-            return Err((
-                at,
-                format!("a face refers to vertex {index}, but the file has {vertices} vertices"),
-            ));
+            return Err((at, format!("a face refers to vertex {index}, but the file has {vertices} vertices")));
         };
         match k {
             0 => first = index,
@@ -210,16 +189,10 @@ fn read_polygon<S: Source>(
 fn list_length<S: Source>(source: &mut S, count: Number, item: Number) -> Result<usize, AtOffset> {
     let at = source.at();
     let length = source.integer(count)?;
-    let fits = |n: &usize| {
-        n.checked_mul(S::least_size(item))
-            .is_some_and(|bytes| bytes <= source.left() + 1)
-    };
+    let fits = |n: &usize| n.checked_mul(S::least_size(item)).is_some_and(|bytes| bytes <= source.left() + 1);
     match usize::try_from(length).ok().filter(fits) {
         Some(length) => Ok(length),
-        None => Err((
-            at,
-            format!("a list of {length} items, more than the rest of the file can hold"),
-        )),
+        None => Err((at, format!("a list of {length} items, more than the rest of the file can hold"))),
     }
 }
 
@@ -270,11 +243,7 @@ impl Source for Ascii<'_> {
     fn at(&self) -> usize {
         // Messages want the line of the next word, not of the blank before it.
         let blanks = self.bytes[self.at..].iter().take_while(|&&b| b <= b' ').count();
-        if self.at + blanks < self.bytes.len() {
-            self.at + blanks
-        } else {
-            self.at
-        }
+        if self.at + blanks < self.bytes.len() { self.at + blanks } else { self.at }
     }
 
     fn left(&self) -> usize {
@@ -384,11 +353,7 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
         let raw = self.bytes.get(self.at..)?.first_chunk::<12>()?;
         let index = |k: usize| {
             let word = [raw[k], raw[k + 1], raw[k + 2], raw[k + 3]];
-            if BIG {
-                u32::from_be_bytes(word)
-            } else {
-                u32::from_le_bytes(word)
-            }
+            if BIG { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) }
         };
         self.at += 12;
         Some([index(0), index(4), index(8)])

@@ -37,11 +37,8 @@ pub(super) fn parse(bytes: &[u8], shape_index: usize) -> Result<MeshData, Locate
     let error = |message| (Place::Byte(start), message);
     // Deflate packs at best 1032 bytes into one.
     let most = (end - start) as u64 * 1032;
-    let mut body = Body {
-        stream: BufReader::new(ZlibDecoder::new(&bytes[start + 4..end])),
-        buffer: Vec::new(),
-        double: false,
-    };
+    let mut body =
+        Body { stream: BufReader::new(ZlibDecoder::new(&bytes[start + 4..end])), buffer: Vec::new(), double: false };
     body.mesh(version, most).map_err(error)
 }
 
@@ -53,46 +50,24 @@ fn version_at(bytes: &[u8], at: usize) -> Result<u16, Located> {
             Place::Byte(at + 2),
             format!("version {version} is not supported, only 3 and 4 are: save the mesh as PLY"),
         )),
-        _ => Err((
-            Place::Byte(at),
-            "this is no .serialized mesh (it does not start with 0x041C)".into(),
-        )),
+        _ => Err((Place::Byte(at), "this is no .serialized mesh (it does not start with 0x041C)".into())),
     }
 }
 
 /// Offsets of the first byte of a mesh and of what comes after it.
 fn mesh_range(bytes: &[u8], version: u16, shape_index: usize) -> Result<(usize, usize), Located> {
     let entry = if version == 3 { 4 } else { 8 };
-    let broken = || {
-        (
-            Place::File,
-            "the table of meshes at the end of the file is damaged".to_string(),
-        )
-    };
+    let broken = || (Place::File, "the table of meshes at the end of the file is damaged".to_string());
     let table_end = bytes.len().checked_sub(4).ok_or_else(broken)?;
     let count = little_endian(&bytes[table_end..]) as usize;
-    let table = count
-        .checked_mul(entry)
-        .and_then(|n| table_end.checked_sub(n))
-        .ok_or_else(broken)?;
+    let table = count.checked_mul(entry).and_then(|n| table_end.checked_sub(n)).ok_or_else(broken)?;
     if shape_index >= count {
-        return Err((
-            Place::File,
-            format!("shape_index {shape_index}: the file holds {count} meshes"),
-        ));
+        return Err((Place::File, format!("shape_index {shape_index}: the file holds {count} meshes")));
     }
     let offset = |k: usize| usize::try_from(little_endian(&bytes[table + k * entry..][..entry])).ok();
     let start = offset(shape_index).ok_or_else(broken)?;
-    let end = if shape_index + 1 < count {
-        offset(shape_index + 1).ok_or_else(broken)?
-    } else {
-        table
-    };
-    if start.checked_add(4).is_some_and(|s| s <= end) && end <= table {
-        Ok((start, end))
-    } else {
-        Err(broken())
-    }
+    let end = if shape_index + 1 < count { offset(shape_index + 1).ok_or_else(broken)? } else { table };
+    if start.checked_add(4).is_some_and(|s| s <= end) && end <= table { Ok((start, end)) } else { Err(broken()) }
 }
 
 /// Up to eight bytes as a number.
@@ -124,13 +99,9 @@ impl<R: BufRead> Body<R> {
         let has = |flag: u32| flags & flag != 0;
         let floats = 3 + 3 * has(HAS_NORMALS) as u64 + 2 * has(HAS_UVS) as u64 + 3 * has(HAS_COLORS) as u64;
         let size = if self.double { 8 } else { 4 };
-        let needed = vertices
-            .checked_mul(floats * size)
-            .and_then(|v| triangles.checked_mul(12)?.checked_add(v));
+        let needed = vertices.checked_mul(floats * size).and_then(|v| triangles.checked_mul(12)?.checked_add(v));
         if needed.is_none_or(|n| n > most) || vertices > u32::MAX as u64 {
-            return Err(format!(
-                "{vertices} vertices and {triangles} triangles cannot fit into this file"
-            ));
+            return Err(format!("{vertices} vertices and {triangles} triangles cannot fit into this file"));
         }
         let (vertices, triangles) = (vertices as usize, triangles as usize);
         if triangles == 0 {
@@ -153,15 +124,8 @@ impl<R: BufRead> Body<R> {
             self.floats(3 * vertices, "colours")?;
         }
         let raw = self.bytes(12 * triangles, "indices")?;
-        data.triangles = raw
-            .chunks_exact(12)
-            .map(|t| [0, 4, 8].map(|k| little_endian(&t[k..k + 4]) as u32))
-            .collect();
-        match data
-            .triangles
-            .iter()
-            .position(|t| t.iter().any(|&i| i as usize >= vertices))
-        {
+        data.triangles = raw.chunks_exact(12).map(|t| [0, 4, 8].map(|k| little_endian(&t[k..k + 4]) as u32)).collect();
+        match data.triangles.iter().position(|t| t.iter().any(|&i| i as usize >= vertices)) {
             Some(t) => Err(format!("triangle {t} refers to a vertex beyond the mesh's {vertices}")),
             None => Ok(data),
         }
@@ -176,13 +140,9 @@ impl<R: BufRead> Body<R> {
         let double = self.double;
         let raw = self.bytes(count * if double { 8 } else { 4 }, what)?;
         Ok(if double {
-            raw.chunks_exact(8)
-                .map(|b| f64::from_bits(little_endian(b)) as f32)
-                .collect()
+            raw.chunks_exact(8).map(|b| f64::from_bits(little_endian(b)) as f32).collect()
         } else {
-            raw.chunks_exact(4)
-                .map(|b| f32::from_bits(little_endian(b) as u32))
-                .collect()
+            raw.chunks_exact(4).map(|b| f32::from_bits(little_endian(b) as u32)).collect()
         })
     }
 
@@ -190,9 +150,7 @@ impl<R: BufRead> Body<R> {
     fn bytes(&mut self, count: usize, what: &str) -> Result<&[u8], String> {
         self.buffer.clear();
         let stream = (&mut self.stream).take(count as u64);
-        let read = { stream }
-            .read_to_end(&mut self.buffer)
-            .map_err(|e| inflate_error(what, &e))?;
+        let read = { stream }.read_to_end(&mut self.buffer).map_err(|e| inflate_error(what, &e))?;
         if read < count {
             return Err(format!("the data end in the {what}: {read} of {count} bytes are there"));
         }
@@ -228,21 +186,15 @@ mod tests {
             }
         };
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        corners
-            .iter()
-            .for_each(|c| [c[0] + x, c[1], 0.5].into_iter().for_each(&mut put));
+        corners.iter().for_each(|c| [c[0] + x, c[1], 0.5].into_iter().for_each(&mut put));
         if flags & HAS_NORMALS != 0 {
-            corners
-                .iter()
-                .for_each(|_| [0.0, 0.0, 1.0].into_iter().for_each(&mut put));
+            corners.iter().for_each(|_| [0.0, 0.0, 1.0].into_iter().for_each(&mut put));
         }
         if flags & HAS_UVS != 0 {
             corners.iter().for_each(|c| c.iter().copied().for_each(&mut put));
         }
         if flags & HAS_COLORS != 0 {
-            corners
-                .iter()
-                .for_each(|_| [0.1, 0.2, 0.3].into_iter().for_each(&mut put));
+            corners.iter().for_each(|_| [0.1, 0.2, 0.3].into_iter().for_each(&mut put));
         }
         [0u32, 1, 2, 0, 2, 3].iter().for_each(|i| out.extend(i.to_le_bytes()));
         out
@@ -274,13 +226,7 @@ mod tests {
     fn both_versions_precisions_and_every_flag_are_read() {
         for version in [3, 4] {
             for precision in [0x1000, DOUBLE] {
-                for flags in [
-                    0,
-                    HAS_NORMALS,
-                    HAS_UVS,
-                    HAS_NORMALS | HAS_UVS | HAS_COLORS,
-                    HAS_COLORS | FACE_NORMALS,
-                ] {
+                for flags in [0, HAS_NORMALS, HAS_UVS, HAS_NORMALS | HAS_UVS | HAS_COLORS, HAS_COLORS | FACE_NORMALS] {
                     let flags = flags | precision;
                     let bodies = [0.0, 2.5, 5.0].map(|x| body(version, flags, x));
                     let bytes = file(version, &bodies);
@@ -345,12 +291,9 @@ mod tests {
                 let inside = file(version, &[mutate(&good, seed)]);
                 for result in [parse(&outside, 1), parse(&inside, 0)] {
                     match result {
-                        Ok(mesh) => assert!(
-                            mesh.triangles
-                                .iter()
-                                .flatten()
-                                .all(|&i| (i as usize) < mesh.positions.len())
-                        ),
+                        Ok(mesh) => {
+                            assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < mesh.positions.len()))
+                        }
                         Err((_, message)) => {
                             refused += 1;
                             assert!(!message.is_empty());

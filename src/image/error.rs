@@ -41,18 +41,12 @@ pub const MAX_PIXELS: u64 = 1 << 28;
 impl ImageFileError {
     /// A [`ImageFileError::Format`] for `path`.
     pub(crate) fn format(path: &Path, message: impl Into<String>) -> Self {
-        ImageFileError::Format {
-            path: path.to_owned(),
-            message: message.into(),
-        }
+        ImageFileError::Format { path: path.to_owned(), message: message.into() }
     }
 
     /// An [`ImageFileError::Io`] for `path`.
     pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
-        ImageFileError::Io {
-            path: path.to_owned(),
-            source,
-        }
+        ImageFileError::Io { path: path.to_owned(), source }
     }
 }
 
@@ -63,10 +57,6 @@ pub(crate) fn checked_area(path: &Path, width: u64, height: u64) -> Result<usize
     }
     match width.checked_mul(height) {
         Some(n) if n <= MAX_PIXELS => Ok(n as usize),
-        _ => Err(ImageFileError::TooLarge {
-            path: path.to_owned(),
-            width,
-            height,
-        }),
+        _ => Err(ImageFileError::TooLarge { path: path.to_owned(), width, height }),
     }
 }

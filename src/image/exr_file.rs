@@ -79,11 +79,7 @@ pub struct ExrImage {
 impl ExrImage {
     /// An image without channels whose pixels fill `window` of a film of `frame` (width, height).
     pub fn new(window: Window, frame: (usize, usize)) -> Self {
-        ExrImage {
-            window,
-            frame,
-            ..Default::default()
-        }
+        ExrImage { window, frame, ..Default::default() }
     }
 
     /// Adds three channels, named by the letters of `suffixes` (`"RGB"` or `"XYZ"`): `R`, `G`, `B` if `layer` is
@@ -92,21 +88,13 @@ impl ExrImage {
         for (axis, letter) in suffixes.chars().take(3).enumerate() {
             let name = dotted(layer, letter.encode_utf8(&mut [0; 4]));
             let values = values.iter().map(|v| v[axis]).collect();
-            self.channels.push(Channel {
-                name,
-                precision,
-                values,
-            });
+            self.channels.push(Channel { name, precision, values });
         }
     }
 
     /// Adds one channel, `layer.suffix` (`depth.Z`), or just one of them if the other is empty.
     pub fn add_channel(&mut self, layer: &str, suffix: &str, precision: Precision, values: Vec<f32>) {
-        self.channels.push(Channel {
-            name: dotted(layer, suffix),
-            precision,
-            values,
-        });
+        self.channels.push(Channel { name: dotted(layer, suffix), precision, values });
     }
 
     /// Adds an attribute.
@@ -133,10 +121,8 @@ pub fn write_exr(path: &Path, image: &ExrImage) -> Result<(), ImageFileError> {
 }
 
 fn encode(image: &ExrImage) -> Result<Vec<u8>, String> {
-    let mut attributes = LayerAttributes {
-        layer_position: Vec2(image.window.x, image.window.y),
-        ..LayerAttributes::default()
-    };
+    let mut attributes =
+        LayerAttributes { layer_position: Vec2(image.window.x, image.window.y), ..LayerAttributes::default() };
     for (name, value) in &image.attributes {
         if name.is_empty() || name.len() > 255 {
             return Err(format!("attribute name {name:?}: must have 1 to 255 bytes"));
@@ -185,11 +171,7 @@ fn channels(image: &ExrImage) -> Result<SmallVec<[AnyChannel<FlatSamples>; 4]>, 
     let channel = |c: &Channel| {
         if c.values.len() != area {
             let (w, h) = (image.window.width, image.window.height);
-            return Err(format!(
-                "channel {:?} has {} values for {w} x {h} pixels",
-                c.name,
-                c.values.len()
-            ));
+            return Err(format!("channel {:?} has {} values for {w} x {h} pixels", c.name, c.values.len()));
         }
         if c.name.is_empty() || c.name.len() > 255 {
             return Err(format!("channel name {:?}: must have 1 to 255 bytes", c.name));

@@ -28,12 +28,8 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<Picture, ImageFileError> {
     let fail = |e: exr::error::Error| ImageFileError::format(path, format!("cannot read OpenEXR: {e}"));
     let reader = exr::block::read(Cursor::new(bytes), false).map_err(fail)?;
     check_headers(path, &reader)?;
-    let mut image = exr::image::read::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes();
+    let mut image =
+        exr::image::read::read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
     if bytes.len() < 1 << 20 || rayon::current_num_threads() == 1 {
         image = image.non_parallel();
     }
@@ -74,16 +70,8 @@ fn check_headers(path: &Path, reader: &Reader<Cursor<&[u8]>>) -> Result<(), Imag
         if header.deep {
             return Err(ImageFileError::format(path, "deep OpenEXR data is not supported"));
         }
-        if header
-            .channels
-            .list
-            .iter()
-            .any(|c| c.sampling.0 != 1 || c.sampling.1 != 1)
-        {
-            return Err(ImageFileError::format(
-                path,
-                "subsampled OpenEXR channels are not supported",
-            ));
+        if header.channels.list.iter().any(|c| c.sampling.0 != 1 || c.sampling.1 != 1) {
+            return Err(ImageFileError::format(path, "subsampled OpenEXR channels are not supported"));
         }
         total = total.saturating_add(sample_bytes(header));
         if total > MAX_BYTES {
@@ -98,12 +86,7 @@ fn check_headers(path: &Path, reader: &Reader<Cursor<&[u8]>>) -> Result<(), Imag
 }
 
 fn sample_bytes(header: &Header) -> usize {
-    let per_pixel: usize = header
-        .channels
-        .list
-        .iter()
-        .map(|c| c.sample_type.bytes_per_sample())
-        .sum();
+    let per_pixel: usize = header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample()).sum();
     per_pixel.saturating_mul(header.layer_size.0 * header.layer_size.1)
 }
 
@@ -113,14 +96,10 @@ type FlatPart = Layer<AnyChannels<FlatSamples>>;
 fn find_picture(parts: &[FlatPart]) -> Option<(&FlatPart, Vec<usize>)> {
     let index = |part: &FlatPart, name: &str| {
         let list = &part.channel_data.list;
-        list.iter()
-            .position(|c: &AnyChannel<_>| c.name.as_slice() == name.as_bytes())
+        list.iter().position(|c: &AnyChannel<_>| c.name.as_slice() == name.as_bytes())
     };
     let triple = |part: &FlatPart, prefix: &str| -> Option<Vec<usize>> {
-        ["R", "G", "B"]
-            .iter()
-            .map(|s| index(part, &format!("{prefix}{s}")))
-            .collect()
+        ["R", "G", "B"].iter().map(|s| index(part, &format!("{prefix}{s}"))).collect()
     };
     let plain = parts.iter().find_map(|p| Some((p, triple(p, "")?)));
     let grey = || parts.iter().find_map(|p| Some((p, vec![index(p, "Y")?])));
@@ -136,8 +115,7 @@ fn find_picture(parts: &[FlatPart]) -> Option<(&FlatPart, Vec<usize>)> {
 
 fn channel_names(part: &FlatPart) -> Vec<String> {
     let list = part.channel_data.list.iter();
-    list.map(|c| String::from_utf8_lossy(c.name.as_slice()).into_owned())
-        .collect()
+    list.map(|c| String::from_utf8_lossy(c.name.as_slice()).into_owned()).collect()
 }
 
 fn values(samples: &FlatSamples) -> Vec<f32> {

@@ -8,16 +8,9 @@ use crate::image::{exr_read, read_image};
 
 /// A crop of 3 x 2 pixels out of 10 x 8, with odd values in it.
 fn sample() -> ExrImage {
-    let window = Window {
-        x: 4,
-        y: 5,
-        width: 3,
-        height: 2,
-    };
+    let window = Window { x: 4, y: 5, width: 3, height: 2 };
     let mut image = ExrImage::new(window, (10, 8));
-    let rgb: Vec<Vec3> = (0..6)
-        .map(|i| Vec3::new(i as f32 / 3.0, 1e9, -0.1 * i as f32))
-        .collect();
+    let rgb: Vec<Vec3> = (0..6).map(|i| Vec3::new(i as f32 / 3.0, 1e9, -0.1 * i as f32)).collect();
     image.add_layer("", "RGB", Precision::Float, &rgb);
     image.add_layer("albedo", "RGB", Precision::Half, &[Vec3::splat(0.1); 6]);
     image.add_layer("normal", "XYZ", Precision::Float, &[Vec3::Z; 6]);
@@ -46,11 +39,7 @@ fn picture_and_windows_come_back_exactly() {
         assert!(read.mask.is_none());
         for (i, p) in read.pixels.iter().enumerate() {
             for c in 0..3 {
-                assert_eq!(
-                    p[c].to_bits(),
-                    image.channels[c].values[i].to_bits(),
-                    "pixel {i}, channel {c}"
-                );
+                assert_eq!(p[c].to_bits(), image.channels[c].values[i].to_bits(), "pixel {i}, channel {c}");
             }
         }
     }
@@ -70,23 +59,17 @@ fn layers_and_attributes_are_in_the_first_part() {
     assert_eq!(file.layer_data.len(), 1);
     let list = &file.layer_data[0].channel_data.list;
     let names: Vec<String> = list.iter().map(|c| c.name.to_string()).collect();
-    let expected = [
-        "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "depth.Z", "normal.X", "normal.Y", "normal.Z",
-    ];
+    let expected = ["B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "depth.Z", "normal.X", "normal.Y", "normal.Z"];
     assert_eq!(names, expected);
     assert!(matches!(list[3].sample_data, FlatSamples::F16(_)));
-    let FlatSamples::F32(depth) = &list[6].sample_data else {
-        panic!("depth must be f32")
-    };
+    let FlatSamples::F32(depth) = &list[6].sample_data else { panic!("depth must be f32") };
     assert!(depth.iter().all(|d| *d == f32::INFINITY));
 
     let find = |name: &str| file.layer_data[0].attributes.other.get(&text(name)).unwrap().clone();
     assert_eq!(find("dualuxSeed"), AttributeValue::I32(7));
     assert_eq!(find("dualuxBigSeed"), AttributeValue::Text(text("1099511627776")));
     assert_eq!(find("dualuxSeconds"), AttributeValue::F32(1.5));
-    let AttributeValue::Text(command) = find("dualuxCommand") else {
-        panic!("command must be text")
-    };
+    let AttributeValue::Text(command) = find("dualuxCommand") else { panic!("command must be text") };
     assert_eq!(command.as_slice(), "dualux render süß.xml x".as_bytes());
 }
 
@@ -157,8 +140,5 @@ fn hostile_sizes_are_refused_before_memory_is_reserved() {
     bytes[at + 8..at + 12].copy_from_slice(&((1i32 << 29) - 1).to_le_bytes());
     bytes[at + 12..at + 16].copy_from_slice(&((1i32 << 29) - 1).to_le_bytes());
     let error = exr_read::decode(Path::new("x.exr"), &bytes).unwrap_err();
-    assert!(
-        matches!(error, ImageFileError::TooLarge { .. } | ImageFileError::Format { .. }),
-        "{error}"
-    );
+    assert!(matches!(error, ImageFileError::TooLarge { .. } | ImageFileError::Format { .. }), "{error}");
 }

@@ -28,11 +28,8 @@ const FEATURE_WIDTH: f32 = 0.082;
 
 /// Terms a, b of the contrast sensitivity functions of Y, Cx, Cz (table 1 of the paper): sum of
 /// a sqrt(pi / b) exp(-pi^2 x^2 / b) with x in degrees.
-const SENSITIVITY: [[(f32, f32); 2]; 3] = [
-    [(1.0, 0.0047), (0.0, 1e-5)],
-    [(1.0, 0.0053), (0.0, 1e-5)],
-    [(34.1, 0.04), (13.5, 0.025)],
-];
+const SENSITIVITY: [[(f32, f32); 2]; 3] =
+    [[(1.0, 0.0047), (0.0, 1e-5)], [(1.0, 0.0053), (0.0, 1e-5)], [(34.1, 0.04), (13.5, 0.025)]];
 
 /// FLIP error of every pixel, in [0, 1].
 ///
@@ -101,11 +98,8 @@ fn sensitivity_filter(opponent: &[Rgb], size: Size, pixels_per_degree: f32) -> V
     };
     let mut result = vec![Rgb::ZERO; opponent.len()];
     for (channel, terms) in SENSITIVITY.iter().enumerate() {
-        let terms: Vec<(f32, Vec<f32>)> = terms
-            .iter()
-            .filter(|t| t.0 > 0.0)
-            .map(|&(a, b)| (a * (pi / b).sqrt(), gaussian(b)))
-            .collect();
+        let terms: Vec<(f32, Vec<f32>)> =
+            terms.iter().filter(|t| t.0 > 0.0).map(|&(a, b)| (a * (pi / b).sqrt(), gaussian(b))).collect();
         // Each term is separable, their sum is not; it is normalised as a whole.
         let total: f32 = terms.iter().map(|(a, g)| a * g.iter().sum::<f32>().powi(2)).sum();
         let plane: Vec<f32> = opponent.iter().map(|p| p[channel]).collect();
@@ -142,11 +136,7 @@ fn normalised(mut weights: Vec<f32>) -> Vec<f32> {
     let positive: f32 = weights.iter().filter(|w| **w > 0.0).sum();
     let negative: f32 = -weights.iter().filter(|w| **w < 0.0).sum::<f32>();
     for w in &mut weights {
-        *w /= if *w > 0.0 {
-            positive
-        } else {
-            negative.max(f32::MIN_POSITIVE)
-        };
+        *w /= if *w > 0.0 { positive } else { negative.max(f32::MIN_POSITIVE) };
     }
     weights
 }
@@ -156,17 +146,15 @@ fn convolve(plane: &[f32], size: Size, kernel_x: &[f32], kernel_y: &[f32]) -> Ve
     let Size { width, height } = size;
     let radius = kernel_x.len() / 2;
     let mut rows = vec![0.0; plane.len()];
-    rows.par_chunks_mut(width)
-        .zip(plane.par_chunks(width))
-        .for_each(|(out, row)| {
-            // The row with its border repeated, so that the inner loop has no branches.
-            let mut padded = vec![row[0]; radius];
-            padded.extend_from_slice(row);
-            padded.resize(width + 2 * radius, row[width - 1]);
-            for (x, o) in out.iter_mut().enumerate() {
-                *o = padded[x..].iter().zip(kernel_x).map(|(p, k)| p * k).sum();
-            }
-        });
+    rows.par_chunks_mut(width).zip(plane.par_chunks(width)).for_each(|(out, row)| {
+        // The row with its border repeated, so that the inner loop has no branches.
+        let mut padded = vec![row[0]; radius];
+        padded.extend_from_slice(row);
+        padded.resize(width + 2 * radius, row[width - 1]);
+        for (x, o) in out.iter_mut().enumerate() {
+            *o = padded[x..].iter().zip(kernel_x).map(|(p, k)| p * k).sum();
+        }
+    });
     let mut result = vec![0.0f32; plane.len()];
     result.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
         for (i, k) in kernel_y.iter().enumerate() {
@@ -213,13 +201,9 @@ fn xyz_of_ycxcz(c: Rgb) -> Rgb {
 
 fn lab(xyz: Rgb) -> Rgb {
     const DELTA: f32 = 6.0 / 29.0;
-    let f = (xyz / WHITE).to_array().map(|t| {
-        if t > DELTA * DELTA * DELTA {
-            t.cbrt()
-        } else {
-            t / (3.0 * DELTA * DELTA) + 4.0 / 29.0
-        }
-    });
+    let f = (xyz / WHITE)
+        .to_array()
+        .map(|t| if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 });
     Rgb::new(116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2]))
 }
 
@@ -243,11 +227,7 @@ fn largest_difference() -> f32 {
 /// Maps [0, PC largest] to [0, PT] and the rest to [PT, 1].
 fn compress(difference: f32, largest: f32) -> f32 {
     let knee = PC * largest;
-    if difference < knee {
-        PT / knee * difference
-    } else {
-        PT + (difference - knee) / (largest - knee) * (1.0 - PT)
-    }
+    if difference < knee { PT / knee * difference } else { PT + (difference - knee) / (largest - knee) * (1.0 - PT) }
 }
 
 #[cfg(test)]

@@ -37,10 +37,7 @@ fn agrees_with_the_authors_program() {
 fn equal_pictures_differ_by_nothing_and_order_does_not_matter() {
     let (a, b) = (pattern(1), pattern(2));
     assert!(flip(&a, &a, W, H, PIXELS_PER_DEGREE).iter().all(|&v| v == 0.0));
-    assert_eq!(
-        flip(&a, &b, W, H, PIXELS_PER_DEGREE),
-        flip(&b, &a, W, H, PIXELS_PER_DEGREE)
-    );
+    assert_eq!(flip(&a, &b, W, H, PIXELS_PER_DEGREE), flip(&b, &a, W, H, PIXELS_PER_DEGREE));
 }
 
 #[test]
@@ -59,10 +56,6 @@ fn ends_of_the_scale() {
 fn sizes_smaller_than_the_kernels_work() {
     for (w, h) in [(1, 1), (1, 40), (40, 1), (3, 2)] {
         let (a, b) = (vec![Rgb::ONE; w * h], vec![Rgb::ZERO; w * h]);
-        assert!(
-            flip(&a, &b, w, h, PIXELS_PER_DEGREE)
-                .iter()
-                .all(|v| (0.0..=1.0).contains(v))
-        );
+        assert!(flip(&a, &b, w, h, PIXELS_PER_DEGREE).iter().all(|v| (0.0..=1.0).contains(v)));
     }
 }

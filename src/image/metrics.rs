@@ -82,12 +82,7 @@ impl Reference {
             ));
         }
         let mut mean: Vec<Rgb> = match b {
-            Some(b) => a
-                .pixels
-                .iter()
-                .zip(&b.pixels)
-                .map(|(&a, &b)| 0.5 * a + 0.5 * b)
-                .collect(),
+            Some(b) => a.pixels.iter().zip(&b.pixels).map(|(&a, &b)| 0.5 * a + 0.5 * b).collect(),
             None => a.pixels.clone(),
         };
         let unmasked = |p: Option<&Picture>, i: usize| p.and_then(|p| p.mask.as_ref()).is_none_or(|m| m[i]);
@@ -96,13 +91,7 @@ impl Reference {
         for m in mean.iter_mut().filter(|m| !m.is_finite()) {
             *m = Rgb::ZERO;
         }
-        Ok(Reference {
-            width,
-            height,
-            mean,
-            halves: b.map(|b| [a.pixels.clone(), b.pixels.clone()]),
-            counted,
-        })
+        Ok(Reference { width, height, mean, halves: b.map(|b| [a.pixels.clone(), b.pixels.clone()]), counted })
     }
 
     /// `image` with black for what is not finite and the reference's values where pixels do not count.
@@ -156,9 +145,7 @@ impl Reference {
                 counted().map(|i| relative_product(wide(pixels[i]), wide(a[i]), wide(b[i]), wide(reference[i])));
             // Where a pixel does not count, both halves take the mean, like the picture.
             let filled = |half: &[Rgb]| -> Vec<Rgb> {
-                (0..half.len())
-                    .map(|i| if self.counted[i] { half[i] } else { reference[i] })
-                    .collect()
+                (0..half.len()).map(|i| if self.counted[i] { half[i] } else { reference[i] }).collect()
             };
             let (a_blocks, b_blocks) = (block_mean(&filled(a)), block_mean(&filled(b)));
             let block_cross = (0..a_blocks.len()).map(|i| {
@@ -185,6 +172,19 @@ impl Reference {
             blocks_noise_free: halves.map(|h| h.1),
             flip: mean(counted().map(|i| map[i] as f64)),
         })
+    }
+
+    /// Untrimmed relative squared error alone: against two halves the form free of their noise.
+    ///
+    /// # Errors
+    /// If the sizes differ, or no pixel counts.
+    pub fn relmse(&self, image: &Picture) -> Result<f64, String> {
+        let pixels = self.prepare(image)?;
+        let one = |i: usize| match &self.halves {
+            Some([a, b]) => relative_product(wide(pixels[i]), wide(a[i]), wide(b[i]), wide(self.mean[i])),
+            None => relative_error(pixels[i], self.mean[i]),
+        };
+        Ok(mean((0..pixels.len()).filter(|&i| self.counted[i]).map(one)))
     }
 
     /// Bias per channel and of all channels together, in per cent.

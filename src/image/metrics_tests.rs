@@ -12,13 +12,7 @@ fn noise(seed: u64, amount: f32) -> Picture {
         let signal = 0.7 + (i % W) as f32 / W as f32 + 0.3 * c as f32;
         signal + amount * (unit_f32(hash(seed, 3 * i as u64 + c)) - 0.5)
     };
-    Picture::new(
-        W,
-        H,
-        (0..W * H)
-            .map(|i| Rgb::new(value(i, 0), value(i, 1), value(i, 2)))
-            .collect(),
-    )
+    Picture::new(W, H, (0..W * H).map(|i| Rgb::new(value(i, 0), value(i, 1), value(i, 2))).collect())
 }
 
 fn close(a: f64, b: f64) {
@@ -29,10 +23,7 @@ fn close(a: f64, b: f64) {
 fn equal_pictures_have_no_error() {
     let picture = noise(1, 0.1);
     let e = Reference::new(&picture, None).unwrap().errors(&picture, 0.1).unwrap();
-    assert_eq!(
-        [e.rmse, e.relmse, e.relmse_trimmed, e.blocks, e.bias_percent, e.flip],
-        [0.0; 6]
-    );
+    assert_eq!([e.rmse, e.relmse, e.relmse_trimmed, e.blocks, e.bias_percent, e.flip], [0.0; 6]);
     assert_eq!((e.pixels, e.masked, e.nonfinite), (W * H, 0, 0));
     assert_eq!(e.relmse_noise_free, None);
 }
@@ -64,10 +55,7 @@ fn trimming_drops_the_worst_pixels_only() {
     close(e.relmse, (1e6 + 1.0) / 1.01 / 1000.0);
     close(e.relmse_trimmed, 1.0 / 1.01 / 999.0);
     assert_eq!(reference.errors(&image, 0.2).unwrap().relmse_trimmed, 0.0);
-    assert!(
-        reference.errors(&image, 100.0).unwrap().relmse_trimmed == 0.0,
-        "one pixel is always kept"
-    );
+    assert!(reference.errors(&image, 100.0).unwrap().relmse_trimmed == 0.0, "one pixel is always kept");
 }
 
 #[test]
@@ -103,10 +91,7 @@ fn masked_and_broken_pixels() {
     image.pixels[0] = Rgb::NAN;
     let e = reference.errors(&image, 0.0).unwrap();
     assert_eq!(e.nonfinite, 1, "only counted pixels");
-    close(
-        e.relmse,
-        relative_error(Rgb::ZERO, good.pixels[40]) / (W * H - 3) as f64,
-    );
+    close(e.relmse, relative_error(Rgb::ZERO, good.pixels[40]) / (W * H - 3) as f64);
 }
 
 #[test]
@@ -124,9 +109,6 @@ fn sizes_must_agree_and_something_must_count() {
 #[test]
 fn small_pictures_have_no_blocks() {
     let picture = Picture::new(7, 7, vec![Rgb::ONE; 49]);
-    let e = Reference::new(&picture, Some(&picture))
-        .unwrap()
-        .errors(&picture, 0.1)
-        .unwrap();
+    let e = Reference::new(&picture, Some(&picture)).unwrap().errors(&picture, 0.1).unwrap();
     assert_eq!((e.blocks, e.blocks_noise_free), (0.0, Some(0.0)));
 }

@@ -29,15 +29,9 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<Picture, ImageFileError> {
         at = end + 1; // exactly one blank ends the header
         std::str::from_utf8(&bytes[start..end]).ok()
     };
-    let mut size = || {
-        word()
-            .and_then(|w| w.parse::<u64>().ok())
-            .ok_or_else(|| bad("width or height is missing"))
-    };
+    let mut size = || word().and_then(|w| w.parse::<u64>().ok()).ok_or_else(|| bad("width or height is missing"));
     let (width, height) = (size()?, size()?);
-    let scale: f32 = word()
-        .and_then(|w| w.parse().ok())
-        .ok_or_else(|| bad("scale is missing"))?;
+    let scale: f32 = word().and_then(|w| w.parse().ok()).ok_or_else(|| bad("scale is missing"))?;
     let area = checked_area(path, width, height)?;
     let data = bytes.get(at..).unwrap_or(&[]);
     if data.len() < area * channels * 4 {
@@ -45,11 +39,7 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<Picture, ImageFileError> {
     }
     let value = |i: usize| {
         let raw = [data[4 * i], data[4 * i + 1], data[4 * i + 2], data[4 * i + 3]];
-        if scale < 0.0 {
-            f32::from_le_bytes(raw)
-        } else {
-            f32::from_be_bytes(raw)
-        }
+        if scale < 0.0 { f32::from_le_bytes(raw) } else { f32::from_be_bytes(raw) }
     };
     let (width, height) = (width as usize, height as usize);
     let mut pixels = Vec::with_capacity(area);

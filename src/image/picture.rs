@@ -18,12 +18,7 @@ pub struct Window {
 impl Window {
     /// The window of a whole frame.
     pub fn full(width: usize, height: usize) -> Self {
-        Window {
-            x: 0,
-            y: 0,
-            width,
-            height,
-        }
+        Window { x: 0, y: 0, width, height }
     }
 
     /// Number of pixels.
@@ -61,12 +56,7 @@ impl Picture {
     /// If there are not `width * height` pixels.
     pub fn new(width: usize, height: usize, pixels: Vec<Rgb>) -> Self {
         assert_eq!(pixels.len(), width * height, "number of pixels");
-        Picture {
-            window: Window::full(width, height),
-            frame: (width, height),
-            pixels,
-            mask: None,
-        }
+        Picture { window: Window::full(width, height), frame: (width, height), pixels, mask: None }
     }
 
     /// Width in pixels of what is stored.
@@ -96,10 +86,7 @@ impl Picture {
             window,
             frame: self.frame,
             pixels: ranges().flat_map(|r| &self.pixels[r]).copied().collect(),
-            mask: self
-                .mask
-                .as_ref()
-                .map(|m| ranges().flat_map(|r| &m[r]).copied().collect()),
+            mask: self.mask.as_ref().map(|m| ranges().flat_map(|r| &m[r]).copied().collect()),
         })
     }
 }
@@ -113,21 +100,12 @@ mod tests {
         let mut picture = Picture::new(4, 3, (0..12).map(|i| Rgb::splat(i as f32)).collect());
         picture.window.x = 10;
         picture.mask = Some((0..12).map(|i| i == 6).collect());
-        let window = Window {
-            x: 11,
-            y: 1,
-            width: 2,
-            height: 2,
-        };
+        let window = Window { x: 11, y: 1, width: 2, height: 2 };
         let part = picture.cropped(window).unwrap();
         let values: Vec<f32> = part.pixels.iter().map(|p| p.x).collect();
         assert_eq!(values, [5.0, 6.0, 9.0, 10.0]);
         assert_eq!(part.mask.unwrap(), [false, true, false, false]);
-        for bad in [
-            Window { x: 9, ..window },
-            Window { x: 13, ..window },
-            Window { y: 2, ..window },
-        ] {
+        for bad in [Window { x: 9, ..window }, Window { x: 13, ..window }, Window { y: 2, ..window }] {
             assert!(picture.cropped(bad).is_none(), "{bad:?}");
         }
     }

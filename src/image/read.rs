@@ -60,10 +60,7 @@ fn guess(bytes: &[u8]) -> Option<ImageFormat> {
         (b"#?RGBE", ImageFormat::Hdr),
         (b"BM", ImageFormat::Bmp),
     ];
-    signatures
-        .iter()
-        .find(|(start, _)| bytes.starts_with(start))
-        .map(|(_, format)| *format)
+    signatures.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, format)| *format)
 }
 
 fn decode_with(path: &Path, bytes: &[u8], format: ImageFormat, srgb: bool) -> Result<Picture, ImageFileError> {
@@ -86,19 +83,12 @@ fn decode_with(path: &Path, bytes: &[u8], format: ImageFormat, srgb: bool) -> Re
     let mut pixels: Vec<Rgb> = Vec::new();
     // A plain allocation would end the process where the memory cannot be had.
     if raw.try_reserve_exact(size).is_err() || pixels.try_reserve_exact(area).is_err() {
-        return Err(ImageFileError::TooLarge {
-            path: path.to_owned(),
-            width: width as u64,
-            height: height as u64,
-        });
+        return Err(ImageFileError::TooLarge { path: path.to_owned(), width: width as u64, height: height as u64 });
     }
     raw.resize(size, 0);
     decoder.read_image(&mut raw).map_err(fail)?;
     if !extend_pixels(&mut pixels, &raw, color, srgb) {
-        return Err(ImageFileError::format(
-            path,
-            format!("colour type {color:?} is not supported"),
-        ));
+        return Err(ImageFileError::format(path, format!("colour type {color:?} is not supported")));
     }
     Ok(Picture::new(width as usize, height as usize, pixels))
 }

@@ -14,36 +14,21 @@ fn read(bytes: &[u8], srgb: bool) -> Picture {
 
 fn png(data: &[u8], width: u32, height: u32, color: ExtendedColorType) -> Vec<u8> {
     let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes)
-        .write_image(data, width, height, color)
-        .unwrap();
+    PngEncoder::new(&mut bytes).write_image(data, width, height, color).unwrap();
     bytes
 }
 
 /// One file of each kind, 8 x 8 pixels.
 fn one_of_each() -> Vec<(&'static str, Vec<u8>)> {
     let codes: Vec<u8> = (0..192).map(|i| (i * 37 % 256) as u8).collect();
-    let floats: Vec<Rgb> = codes
-        .chunks(3)
-        .map(|c| Rgb::new(c[0] as f32, c[1] as f32, c[2] as f32))
-        .collect();
+    let floats: Vec<Rgb> = codes.chunks(3).map(|c| Rgb::new(c[0] as f32, c[1] as f32, c[2] as f32)).collect();
     let mut bmp = Vec::new();
-    BmpEncoder::new(&mut bmp)
-        .write_image(&codes, 8, 8, ExtendedColorType::Rgb8)
-        .unwrap();
+    BmpEncoder::new(&mut bmp).write_image(&codes, 8, 8, ExtendedColorType::Rgb8).unwrap();
     let mut jpeg = Vec::new();
-    JpegEncoder::new_with_quality(&mut jpeg, 95)
-        .write_image(&codes, 8, 8, ExtendedColorType::Rgb8)
-        .unwrap();
+    JpegEncoder::new_with_quality(&mut jpeg, 95).write_image(&codes, 8, 8, ExtendedColorType::Rgb8).unwrap();
     let mut hdr = Vec::new();
-    let raw: Vec<u8> = floats
-        .iter()
-        .flat_map(|p| p.to_array())
-        .flat_map(f32::to_ne_bytes)
-        .collect();
-    HdrEncoder::new(&mut hdr)
-        .write_image(&raw, 8, 8, ExtendedColorType::Rgb32F)
-        .unwrap();
+    let raw: Vec<u8> = floats.iter().flat_map(|p| p.to_array()).flat_map(f32::to_ne_bytes).collect();
+    HdrEncoder::new(&mut hdr).write_image(&raw, 8, 8, ExtendedColorType::Rgb32F).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.exr");
     let mut image = ExrImage::new(Window::full(8, 8), (8, 8));
@@ -66,10 +51,7 @@ fn png_written_is_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.png");
     let codes = [0u8, 1, 40, 128, 200, 255];
-    let pixels: Vec<Rgb> = codes
-        .iter()
-        .map(|&c| Rgb::splat(srgb::table_u8(true)[c as usize]))
-        .collect();
+    let pixels: Vec<Rgb> = codes.iter().map(|&c| Rgb::splat(srgb::table_u8(true)[c as usize])).collect();
     png_file::write_png(&path, 3, 2, &pixels, 0.0).unwrap();
     let picture = read_image(&path).unwrap();
     assert_eq!((picture.width(), picture.height()), (3, 2));
@@ -79,21 +61,14 @@ fn png_written_is_read_back() {
     assert!((read_image(&path).unwrap().pixels[0].x - 0.5).abs() < 0.005);
     assert!(png_file::write_png(&path, 2, 2, &pixels, 0.0).is_err());
     assert!(png_file::write_png(&path, 0, 0, &[], 0.0).is_err());
-    assert_eq!(
-        read_image(&path).unwrap().width(),
-        1,
-        "failed writes leave the file alone"
-    );
+    assert_eq!(read_image(&path).unwrap().width(), 1, "failed writes leave the file alone");
 }
 
 #[test]
 fn all_png_colour_types() {
     let t = srgb::table_u8(true);
     let rgba = png(&[10, 20, 30, 0, 40, 50, 60, 255], 2, 1, ExtendedColorType::Rgba8);
-    assert_eq!(
-        read(&rgba, true).pixels,
-        [Rgb::new(t[10], t[20], t[30]), Rgb::new(t[40], t[50], t[60])]
-    );
+    assert_eq!(read(&rgba, true).pixels, [Rgb::new(t[10], t[20], t[30]), Rgb::new(t[40], t[50], t[60])]);
     let grey_alpha = png(&[100, 3], 1, 1, ExtendedColorType::La8);
     assert_eq!(read(&grey_alpha, true).pixels, [Rgb::splat(t[100])]);
     let grey = png(&[255, 51], 2, 1, ExtendedColorType::L8);
@@ -154,10 +129,7 @@ fn damaged_files_are_errors_or_pictures_but_never_panic() {
         for end in 0..bytes.len() {
             let _ = decode(Path::new(PATH), &bytes[..end], true);
         }
-        assert!(
-            decode(Path::new(PATH), &bytes[..bytes.len() / 4], true).is_err(),
-            "{kind}"
-        );
+        assert!(decode(Path::new(PATH), &bytes[..bytes.len() / 4], true).is_err(), "{kind}");
         let mut state = 1u64;
         for round in 0..500u64 {
             let mut broken = bytes.clone();
@@ -180,19 +152,10 @@ fn hostile_and_foreign_files_are_errors() {
     crc.update(&huge[12..29]);
     huge[29..33].copy_from_slice(&crc.sum().to_be_bytes());
     assert!(decode(Path::new(PATH), &huge, true).is_err());
-    for bytes in [
-        b"".as_slice(),
-        b"BM",
-        b"P3 1 1 255",
-        b"<scene/>",
-        b"\x89PNG",
-        b"#?RGBE\n\n-Y 99999999 +X 99999999\n",
-    ] {
+    for bytes in [b"".as_slice(), b"BM", b"P3 1 1 255", b"<scene/>", b"\x89PNG", b"#?RGBE\n\n-Y 99999999 +X 99999999\n"]
+    {
         let error = decode(Path::new(PATH), bytes, true).unwrap_err();
         assert!(error.to_string().starts_with(PATH), "{error}");
     }
-    assert!(matches!(
-        read_image(Path::new("/no/such/file")),
-        Err(ImageFileError::Io { .. })
-    ));
+    assert!(matches!(read_image(Path::new("/no/such/file")), Err(ImageFileError::Io { .. })));
 }

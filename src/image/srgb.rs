@@ -6,22 +6,14 @@ use std::sync::OnceLock;
 pub fn decode(encoded: f32) -> f32 {
     // In f64: the power's error would otherwise differ between platforms' f32 routines.
     let c = encoded as f64;
-    let linear = if c <= 0.04045 {
-        c / 12.92
-    } else {
-        ((c + 0.055) / 1.055).powf(2.4)
-    };
+    let linear = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
     linear as f32
 }
 
 /// Encoded value of a linear value; both are clamped to [0, 1], NaN becomes 0.
 pub fn encode(linear: f32) -> f32 {
     let c = if linear > 0.0 { linear.min(1.0) as f64 } else { 0.0 };
-    let encoded = if c <= 0.003_130_8 {
-        12.92 * c
-    } else {
-        1.055 * c.powf(1.0 / 2.4) - 0.055
-    };
+    let encoded = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
     encoded as f32
 }
 
@@ -33,12 +25,8 @@ pub fn encode_u8(linear: f32) -> u8 {
 /// Linear values of all 8-bit codes: decoded if `srgb`, else code / 255.
 pub fn table_u8(srgb: bool) -> &'static [f32; 256] {
     static TABLES: OnceLock<[[f32; 256]; 2]> = OnceLock::new();
-    let tables = TABLES.get_or_init(|| {
-        [
-            std::array::from_fn(|i| i as f32 / 255.0),
-            std::array::from_fn(|i| decode(i as f32 / 255.0)),
-        ]
-    });
+    let tables = TABLES
+        .get_or_init(|| [std::array::from_fn(|i| i as f32 / 255.0), std::array::from_fn(|i| decode(i as f32 / 255.0))]);
     &tables[srgb as usize]
 }
 

@@ -111,7 +111,15 @@ impl<'a> Path<'a> {
     }
 
     /// Radiance from one light sample towards the point `at`, weighted against scattering into the same direction.
-    fn direct(&self, at: &SurfacePoint, bsdf: &Bsdf, wo: Vec3, pass: u64, rng: &mut Sampler, counts: &mut Counts) -> Rgb {
+    fn direct(
+        &self,
+        at: &SurfacePoint,
+        bsdf: &Bsdf,
+        wo: Vec3,
+        pass: u64,
+        rng: &mut Sampler,
+        counts: &mut Counts,
+    ) -> Rgb {
         let scene = self.world.scene;
         let (u_light, u) = (rng.next_1d(), rng.next_2d());
         let Some(LightSample { wi, distance, weight, pdf_dir, .. }) =
@@ -143,12 +151,7 @@ impl<'a> Path<'a> {
     }
 
     fn features(&self, at: &SurfacePoint, bsdf: &Bsdf, wo: Vec3, origin: Vec3) -> Features {
-        Features {
-            albedo: bsdf.albedo(wo),
-            normal: at.n_shade,
-            depth: (at.p - origin).length(),
-            shape: at.shape + 1,
-        }
+        Features { albedo: bsdf.albedo(wo), normal: at.n_shade, depth: (at.p - origin).length(), shape: at.shape + 1 }
     }
 }
 

@@ -84,12 +84,7 @@ fn mitchell(x: f64, b: f64, c: f64) -> f64 {
     if x < 1.0 {
         cubic(12.0 - 9.0 * b - 6.0 * c, -18.0 + 12.0 * b + 6.0 * c, 0.0, 6.0 - 2.0 * b)
     } else if x < 2.0 {
-        cubic(
-            -b - 6.0 * c,
-            6.0 * b + 30.0 * c,
-            -12.0 * b - 48.0 * c,
-            8.0 * b + 24.0 * c,
-        )
+        cubic(-b - 6.0 * c, 6.0 * b + 30.0 * c, -12.0 * b - 48.0 * c, 8.0 * b + 24.0 * c)
     } else {
         0.0
     }
@@ -196,9 +191,7 @@ impl Table {
 
     fn new(filter: &PixelFilter) -> Option<Table> {
         let radius = filter.radius() as f64;
-        let cells = (radius * Self::CELLS_PER_PIXEL)
-            .clamp(Self::MIN_CELLS, Self::MAX_CELLS)
-            .round() as usize;
+        let cells = (radius * Self::CELLS_PER_PIXEL).clamp(Self::MIN_CELLS, Self::MAX_CELLS).round() as usize;
         let width = radius / cells as f64;
         let values: Vec<f64> = (0..=cells).map(|i| filter.eval_f64(i as f64 * width)).collect();
         let mut sums = vec![0.0];
@@ -212,16 +205,8 @@ impl Table {
             return None;
         }
         let sign = |pair: &[f64]| Sign {
-            before: if pair[0] < 0.0 || (pair[0] == 0.0 && pair[1] < 0.0) {
-                -1.0
-            } else {
-                1.0
-            },
-            change_at: if pair[0] * pair[1] < 0.0 {
-                (pair[0] / (pair[0] - pair[1])) as f32
-            } else {
-                2.0
-            },
+            before: if pair[0] < 0.0 || (pair[0] == 0.0 && pair[1] < 0.0) { -1.0 } else { 1.0 },
+            change_at: if pair[0] * pair[1] < 0.0 { (pair[0] / (pair[0] - pair[1])) as f32 } else { 2.0 },
         };
         let cdf: Vec<f32> = sums.iter().map(|s| (s / total) as f32).collect();
         let mut cell = 0;
@@ -252,18 +237,10 @@ impl Table {
             cell += 1;
         }
         let (start, end) = (self.cdf[cell], self.cdf[cell + 1]);
-        let part = if end > start {
-            (target - start) / (end - start)
-        } else {
-            0.0
-        };
+        let part = if end > start { (target - start) / (end - start) } else { 0.0 };
         let within = linear(part, self.density[cell], self.density[cell + 1]);
         let sign = self.sign[cell];
-        let weight = if within > sign.change_at {
-            -sign.before
-        } else {
-            sign.before
-        } * self.weight;
+        let weight = if within > sign.change_at { -sign.before } else { sign.before } * self.weight;
         (((cell as f32 + within) * self.cell_width).copysign(t), weight)
     }
 }
@@ -271,11 +248,7 @@ impl Table {
 /// Inverse distribution of the density that goes from `a` at 0 to `b` at 1.
 fn linear(u: f32, a: f32, b: f32) -> f32 {
     let root = (a * a + u * (b * b - a * a)).max(0.0).sqrt();
-    if a + root > 0.0 {
-        (u * (a + b) / (a + root)).min(1.0)
-    } else {
-        u
-    }
+    if a + root > 0.0 { (u * (a + b) / (a + root)).min(1.0) } else { u }
 }
 
 #[cfg(test)]

@@ -63,11 +63,7 @@ fn critical(degrees: f64) -> f64 {
 fn offsets_follow_the_absolute_filter() {
     for filter in all() {
         let (statistic, degrees) = chi_square(filter, |x| filter.eval_f64(x));
-        assert!(
-            statistic < critical(degrees),
-            "{filter:?}: {statistic} > {}",
-            critical(degrees)
-        );
+        assert!(statistic < critical(degrees), "{filter:?}: {statistic} > {}", critical(degrees));
     }
 }
 
@@ -76,11 +72,7 @@ fn a_wrong_density_is_rejected() {
     // The companion: the same samples against a filter 5 % wider.
     for filter in all().into_iter().skip(2) {
         let (statistic, degrees) = chi_square(filter, |x| filter.eval_f64(x / 1.05));
-        assert!(
-            statistic > critical(degrees),
-            "{filter:?}: {statistic} < {}",
-            critical(degrees)
-        );
+        assert!(statistic > critical(degrees), "{filter:?}: {statistic} < {}", critical(degrees));
     }
 }
 
@@ -107,10 +99,7 @@ fn weighted_moments_are_those_of_the_filter() {
         for (k, sum) in sums.iter().enumerate() {
             let expected = integral(|x| f(x) * x.powi(k as i32), -r, r) / mass;
             let scale = r.powi(k as i32);
-            assert!(
-                (sum - expected).abs() < 2e-4 * scale,
-                "{filter:?}, moment {k}: {sum}, expected {expected}"
-            );
+            assert!((sum - expected).abs() < 2e-4 * scale, "{filter:?}, moment {k}: {sum}, expected {expected}");
         }
     }
 }
@@ -125,10 +114,7 @@ fn mean_weight_in_two_dimensions_is_one_and_offsets_are_symmetric() {
             let u = (Vec2::new((i % n) as f32, (i / n) as f32) + 0.5) / n as f32;
             let (p, weight) = sampler.sample(u);
             let (q, mirrored) = sampler.sample(Vec2::ONE - u);
-            assert!(
-                (p + q).length() < 1e-4 * (1.0 + filter.radius()) && weight == mirrored,
-                "{filter:?} {u} {p} {q}"
-            );
+            assert!((p + q).length() < 1e-4 * (1.0 + filter.radius()) && weight == mirrored, "{filter:?} {u} {p} {q}");
             sum += weight as f64 / (n * n) as f64;
         }
         assert!((sum - 1.0).abs() < 0.02, "{filter:?}: {sum} (grid of 256 x 256)");
@@ -143,10 +129,7 @@ fn the_ends_of_the_interval_are_safe_and_offsets_grow_with_u() {
         let mut before = f32::NEG_INFINITY;
         for i in 0..=4000 {
             let (p, weight) = sampler.sample(Vec2::splat((i as f32 / 4000.0).min(below_one)));
-            assert!(
-                p.is_finite() && weight.is_finite() && p.x >= before,
-                "{filter:?} at {i}: {p}"
-            );
+            assert!(p.is_finite() && weight.is_finite() && p.x >= before, "{filter:?} at {i}: {p}");
             before = p.x;
         }
     }
@@ -154,10 +137,7 @@ fn the_ends_of_the_interval_are_safe_and_offsets_grow_with_u() {
 
 #[test]
 fn known_values() {
-    let mitchell = PixelFilter::Mitchell {
-        b: 1.0 / 3.0,
-        c: 1.0 / 3.0,
-    };
+    let mitchell = PixelFilter::Mitchell { b: 1.0 / 3.0, c: 1.0 / 3.0 };
     assert!((mitchell.eval_1d(0.0) - 8.0 / 9.0).abs() < 1e-6);
     assert!((mitchell.eval_1d(1.0) - 1.0 / 18.0).abs() < 1e-6);
     assert!((mitchell.eval_1d(-1.5) + 5.0 / 144.0).abs() < 1e-6);
@@ -180,11 +160,7 @@ fn filters_without_extent_sample_the_centre() {
         PixelFilter::Lanczos { lobes: 0 },
         PixelFilter::Mitchell { b: f32::NAN, c: 0.0 },
     ] {
-        assert_eq!(
-            FilterSampler::new(filter).sample(Vec2::new(0.1, 0.9)),
-            (Vec2::ZERO, 1.0),
-            "{filter:?}"
-        );
+        assert_eq!(FilterSampler::new(filter).sample(Vec2::new(0.1, 0.9)), (Vec2::ZERO, 1.0), "{filter:?}");
     }
     let huge = FilterSampler::new(PixelFilter::Lanczos { lobes: u32::MAX });
     assert!(huge.sample(Vec2::splat(0.3)).0.is_finite());

@@ -61,10 +61,7 @@ mod tests {
             let z = 1.0 - 2.0 * (i as f32 / 999.0);
             let r = (1.0 - z * z).max(0.0).sqrt();
             let n = Vec3::new(r * a.cos(), r * a.sin(), z).normalize();
-            for f in [
-                Frame::from_normal(n),
-                Frame::from_normal_tangent(n, Vec3::new(0.3, -2.0, 0.9)),
-            ] {
+            for f in [Frame::from_normal(n), Frame::from_normal_tangent(n, Vec3::new(0.3, -2.0, 0.9))] {
                 assert!((f.s.cross(f.t) - f.n).length() < 1e-5);
                 assert!(f.s.dot(f.n).abs() < 1e-5 && (f.s.length() - 1.0).abs() < 1e-5);
                 let v = Vec3::new(0.2, -0.7, 1.4);

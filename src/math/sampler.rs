@@ -85,12 +85,7 @@ mod tests {
     fn same_key_same_numbers_other_key_other_numbers() {
         let draw = |mut s: Sampler| (0..100).map(|_| s.next_1d()).collect::<Vec<_>>();
         assert_eq!(draw(Sampler::new(1, 2, 3)), draw(Sampler::new(1, 2, 3)));
-        for other in [
-            Sampler::new(2, 2, 3),
-            Sampler::new(1, 3, 3),
-            Sampler::new(1, 2, 4),
-            Sampler::new(1, 2, 65539),
-        ] {
+        for other in [Sampler::new(2, 2, 3), Sampler::new(1, 3, 3), Sampler::new(1, 2, 4), Sampler::new(1, 2, 65539)] {
             assert_ne!(draw(Sampler::new(1, 2, 3)), draw(other));
         }
     }
@@ -102,10 +97,7 @@ mod tests {
             assert!((0..200).all(|_| (0.0..1.0).contains(&s.next_1d())));
         }
         let mean = (0..4096).map(|i| Sampler::new(5, 7, i).next_1d() as f64).sum::<f64>() / 4096.0;
-        assert!(
-            (mean - 0.5).abs() < 1e-3,
-            "{mean}: 4096 points of a (0,1)-sequence average to one half closely"
-        );
+        assert!((mean - 0.5).abs() < 1e-3, "{mean}: 4096 points of a (0,1)-sequence average to one half closely");
     }
 
     #[test]
@@ -115,9 +107,6 @@ mod tests {
             let p = Sampler::new(3, 11, i).next_2d();
             seen[(p.x * 16.0) as usize * 16 + (p.y * 16.0) as usize] = true;
         }
-        assert!(
-            seen.iter().filter(|&&s| s).count() == 256,
-            "a (0,2)-sequence fills each of 16 x 16 cells"
-        );
+        assert!(seen.iter().filter(|&&s| s).count() == 256, "a (0,2)-sequence fills each of 16 x 16 cells");
     }
 }

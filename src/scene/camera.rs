@@ -57,12 +57,8 @@ impl Camera {
         let aspect = film.width as f64 / film.height as f64;
         let (mut half, mut shift, mut lens) = (1.0, [0.0; 2], None);
         let orthographic = matches!(desc.projection, Projection::Orthographic);
-        if let Projection::Perspective {
-            x_fov,
-            principal_point_offset,
-            aperture_radius,
-            focus_distance,
-        } = desc.projection
+        if let Projection::Perspective { x_fov, principal_point_offset, aperture_radius, focus_distance } =
+            desc.projection
         {
             if !(x_fov > 0.0 && x_fov < PI) {
                 let deg = x_fov.to_degrees();

@@ -34,44 +34,17 @@ pub enum Material {
     /// Oren-Nayar (qualitative model) on the normal side.
     RoughDiffuse { reflectance: Color, alpha: Scalar },
     /// Smooth metal on the normal side; `eta` 0 and `k` 1 is a perfect mirror.
-    Conductor {
-        eta: Rgb,
-        k: Rgb,
-        specular_reflectance: Color,
-    },
+    Conductor { eta: Rgb, k: Rgb, specular_reflectance: Color },
     /// Rough metal on the normal side.
-    RoughConductor {
-        eta: Rgb,
-        k: Rgb,
-        specular_reflectance: Color,
-        roughness: Roughness,
-    },
+    RoughConductor { eta: Rgb, k: Rgb, specular_reflectance: Color, roughness: Roughness },
     /// Smooth boundary between two media.
-    Dielectric {
-        eta: f32,
-        specular_reflectance: Color,
-        specular_transmittance: Color,
-    },
+    Dielectric { eta: f32, specular_reflectance: Color, specular_transmittance: Color },
     /// Two parallel boundaries without bending (a pane).
-    ThinDielectric {
-        eta: f32,
-        specular_reflectance: Color,
-        specular_transmittance: Color,
-    },
+    ThinDielectric { eta: f32, specular_reflectance: Color, specular_transmittance: Color },
     /// Rough boundary between two media.
-    RoughDielectric {
-        eta: f32,
-        specular_reflectance: Color,
-        specular_transmittance: Color,
-        roughness: Roughness,
-    },
+    RoughDielectric { eta: f32, specular_reflectance: Color, specular_transmittance: Color, roughness: Roughness },
     /// Smooth dielectric coat on a diffuse base.
-    Plastic {
-        eta: f32,
-        diffuse_reflectance: Color,
-        specular_reflectance: Color,
-        nonlinear: bool,
-    },
+    Plastic { eta: f32, diffuse_reflectance: Color, specular_reflectance: Color, nonlinear: bool },
     /// Rough dielectric coat on a diffuse base.
     RoughPlastic {
         eta: f32,
@@ -87,18 +60,9 @@ pub enum Material {
     /// `nested` with probability `opacity`, else the ray goes straight on.
     Mask { opacity: Scalar, nested: MaterialId },
     /// (1 - weight) `first` + weight `second`. `absorbed` is the share that a legacy mixture loses.
-    Blend {
-        weight: Scalar,
-        first: MaterialId,
-        second: MaterialId,
-        absorbed: f32,
-    },
+    Blend { weight: Scalar, first: MaterialId, second: MaterialId, absorbed: f32 },
     /// Shading normal perturbed by the slope of a height map (world units times `scale`).
-    BumpMap {
-        texture: TextureId,
-        scale: f32,
-        nested: MaterialId,
-    },
+    BumpMap { texture: TextureId, scale: f32, nested: MaterialId },
     /// Shading normal from a tangent-space map, n = 2c - 1.
     NormalMap { texture: TextureId, nested: MaterialId },
 }

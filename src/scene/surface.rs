@@ -41,10 +41,6 @@ impl SurfacePoint {
                 q
             }
         };
-        Vec3::new(
-            away(self.p.x, offset.x),
-            away(self.p.y, offset.y),
-            away(self.p.z, offset.z),
-        )
+        Vec3::new(away(self.p.x, offset.x), away(self.p.y, offset.y), away(self.p.z, offset.z))
     }
 }

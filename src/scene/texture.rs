@@ -101,12 +101,9 @@ impl Textures<'_> {
     /// Value of texture `id` at `uv`.
     pub fn eval(&self, id: TextureId, uv: Vec2) -> Rgb {
         match &self.textures[id as usize] {
-            Texture::Bitmap {
-                image,
-                filter,
-                wrap,
-                to_uv,
-            } => self.images[*image as usize].eval(to_uv.transform_point2(uv), *filter, *wrap),
+            Texture::Bitmap { image, filter, wrap, to_uv } => {
+                self.images[*image as usize].eval(to_uv.transform_point2(uv), *filter, *wrap)
+            }
             Texture::Checkerboard { color0, color1, to_uv } => self.color(check(*to_uv, uv, color0, color1), uv),
             Texture::Scale { texture, factor } => self.eval(*texture, uv) * *factor,
         }
@@ -128,10 +125,7 @@ impl Textures<'_> {
     /// interpolant; nearest-texel pictures and checks are piecewise constant, so theirs is 0.
     pub fn gradient(&self, id: TextureId, uv: Vec2) -> Vec2 {
         match &self.textures[id as usize] {
-            Texture::Bitmap {
-                filter: TexFilter::Nearest,
-                ..
-            } => Vec2::ZERO,
+            Texture::Bitmap { filter: TexFilter::Nearest, .. } => Vec2::ZERO,
             Texture::Bitmap { image, wrap, to_uv, .. } => {
                 let slope = self.images[*image as usize].slope(to_uv.transform_point2(uv), *wrap);
                 to_uv.matrix2.transpose() * slope
@@ -237,9 +231,7 @@ impl Bitmap {
 
     fn mean(&self) -> Rgb {
         // In double precision: millions of texels would lose digits in a plain f32 sum.
-        let sum = self.pixels.iter().fold([0f64; 3], |s, p| {
-            [s[0] + p.x as f64, s[1] + p.y as f64, s[2] + p.z as f64]
-        });
+        let sum = self.pixels.iter().fold([0f64; 3], |s, p| [s[0] + p.x as f64, s[1] + p.y as f64, s[2] + p.z as f64]);
         let n = self.pixels.len().max(1) as f64;
         Rgb::new((sum[0] / n) as f32, (sum[1] / n) as f32, (sum[2] / n) as f32)
     }
@@ -278,29 +270,13 @@ mod tests {
     use super::*;
 
     fn picture() -> Bitmap {
-        let p = [
-            [1.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [0.0, 0.0, 1.0],
-            [0.2, 0.4, 0.6],
-            [0.9, 0.1, 0.3],
-            [0.5, 0.5, 0.0],
-        ];
-        Bitmap {
-            width: 3,
-            height: 2,
-            pixels: p.iter().map(|&c| Rgb::from(c)).collect(),
-        }
+        let p = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.2, 0.4, 0.6], [0.9, 0.1, 0.3], [0.5, 0.5, 0.0]];
+        Bitmap { width: 3, height: 2, pixels: p.iter().map(|&c| Rgb::from(c)).collect() }
     }
 
     fn bitmap(filter: TexFilter, wrap: Wrap) -> Texture {
         let to_uv = Affine2::from_translation(Vec2::new(0.1, 0.05)) * Affine2::from_scale(Vec2::new(1.5, 0.8));
-        Texture::Bitmap {
-            image: 0,
-            filter,
-            wrap,
-            to_uv,
-        }
+        Texture::Bitmap { image: 0, filter, wrap, to_uv }
     }
 
     /// Mitsuba 3.9.1: `bitmap` with the picture above, raw, to_uv = translate(0.1, 0.05) scale(1.5, 0.8).
@@ -331,19 +307,10 @@ mod tests {
         for (filter, wrap, uv, value, slope) in golden {
             let textures = [bitmap(filter, wrap)];
             let images = [picture()];
-            let t = Textures {
-                textures: &textures,
-                images: &images,
-            };
+            let t = Textures { textures: &textures, images: &images };
             let (v, g) = (t.eval(0, uv.into()), t.gradient(0, uv.into()));
-            assert!(
-                (v - Rgb::from(value)).abs().max_element() < 2e-5,
-                "{filter:?} {wrap:?} {uv:?}: {v}"
-            );
-            assert!(
-                (g - Vec2::from(slope)).abs().max_element() < 5e-5,
-                "{filter:?} {wrap:?} {uv:?}: {g}"
-            );
+            assert!((v - Rgb::from(value)).abs().max_element() < 2e-5, "{filter:?} {wrap:?} {uv:?}: {v}");
+            assert!((g - Vec2::from(slope)).abs().max_element() < 5e-5, "{filter:?} {wrap:?} {uv:?}: {g}");
         }
     }
 
@@ -354,10 +321,7 @@ mod tests {
             color1: Color::Constant(Rgb::ZERO),
             to_uv: Affine2::IDENTITY,
         }];
-        let t = Textures {
-            textures: &textures,
-            images: &[],
-        };
+        let t = Textures { textures: &textures, images: &[] };
         for (uv, value) in [
             ([0.25, 0.25], 0.0),
             ([0.75, 0.25], 1.0),
@@ -381,26 +345,17 @@ mod tests {
                 color1: Color::Texture(0),
                 to_uv: Affine2::IDENTITY,
             },
-            Texture::Scale {
-                texture: 0,
-                factor: Rgb::splat(2.0),
-            },
+            Texture::Scale { texture: 0, factor: Rgb::splat(2.0) },
         ];
         let images = [picture()];
-        let t = Textures {
-            textures: &textures,
-            images: &images,
-        };
+        let t = Textures { textures: &textures, images: &images };
         let red = Vec2::new(0.1, 0.1);
         assert!((t.eval_scalar(0, red) - 0.212_671).abs() < 1e-6);
         assert!((t.eval_scalar(1, Vec2::new(0.7, 0.1)) - 0.4).abs() < 1e-6);
         assert_eq!(t.eval_scalar(1, red), t.eval_scalar(0, red));
         assert_eq!(t.eval(2, red), Rgb::new(2.0, 0.0, 0.0));
         let mean = t.mean(&Color::Texture(2));
-        assert!(
-            (mean - Rgb::new(2.6, 2.0, 1.9) / 3.0).abs().max_element() < 1e-6,
-            "{mean}"
-        );
+        assert!((mean - Rgb::new(2.6, 2.0, 1.9) / 3.0).abs().max_element() < 1e-6, "{mean}");
     }
 
     #[test]
@@ -415,22 +370,9 @@ mod tests {
         ];
         for image in [picture(), Bitmap::default()] {
             let images = [image];
-            let t = Textures {
-                textures: &textures,
-                images: &images,
-            };
+            let t = Textures { textures: &textures, images: &images };
             for id in 0..textures.len() as u32 {
-                for x in [
-                    0.0,
-                    -0.0,
-                    1.0,
-                    -1e-9,
-                    1e9,
-                    -3.4e38,
-                    f32::INFINITY,
-                    f32::NAN,
-                    0.999_999_94,
-                ] {
+                for x in [0.0, -0.0, 1.0, -1e-9, 1e9, -3.4e38, f32::INFINITY, f32::NAN, 0.999_999_94] {
                     for uv in [Vec2::new(x, 0.3), Vec2::new(0.3, x), Vec2::splat(x)] {
                         let v = t.eval(id, uv);
                         assert!(v.is_finite() && v.min_element() >= 0.0 && v.max_element() <= 1.0 + 1e-6);

@@ -72,7 +72,7 @@ pub fn shape(
 
 /// Renders with the path tracer.
 pub fn render_path(desc: Description, settings: PathSettings, passes: u64, seed: u64) -> Progress {
-    render_path_with(desc, settings, passes, seed, Simd::detect())
+    render_path_with(desc, settings, passes, seed, Simd::Avx2)
 }
 
 /// Renders with the path tracer and a chosen instruction set.

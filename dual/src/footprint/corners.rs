@@ -45,11 +45,8 @@ pub fn corners_inside<F: Scalar, const N: usize>(margins: &[Expansion<F, N>], ne
     let centre = margins.iter().all(|m| m.value >= F::zero());
     let differs = |p: [F; N]| margins.iter().all(|m| m.at(p) >= F::zero()) != centre;
     let at_corners = || {
-        (0..1usize << N).any(|bits| {
-            differs(std::array::from_fn(|k| {
-                if bits >> k & 1 == 1 { F::one() } else { -F::one() }
-            }))
-        })
+        (0..1usize << N)
+            .any(|bits| differs(std::array::from_fn(|k| if bits >> k & 1 == 1 { F::one() } else { -F::one() })))
     };
     let at_sides = || {
         (0..N).any(|k| {

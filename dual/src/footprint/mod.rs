@@ -66,11 +66,7 @@ impl<F: Scalar, const N: usize> Expansion<F, N> {
     /// to first order only.
     pub fn distance(&self) -> F {
         let g2 = self.gradient.iter().fold(F::zero(), |s, g| s + *g * *g);
-        if g2 > F::zero() {
-            self.value.abs() * g2.sqrt().recip()
-        } else {
-            F::infinity()
-        }
+        if g2 > F::zero() { self.value.abs() * g2.sqrt().recip() } else { F::infinity() }
     }
 }
 
@@ -108,10 +104,7 @@ impl<F: Scalar, const N: usize> Guarded<F, N> {
     /// From a margin and its guard, both evaluated on the centre ray.
     #[inline]
     pub fn new<T: Jet<N, Primitive = F>>(margin: T, guard: T) -> Self {
-        Self {
-            margin: margin.expansion(),
-            guard: guard.expansion(),
-        }
+        Self { margin: margin.expansion(), guard: guard.expansion() }
     }
 
     /// True if the margin may change sign inside the footprint, somewhere in front.

@@ -12,12 +12,7 @@ fn random<const N: usize>(rng: &mut Rng) -> Expansion<f64, N> {
         }
     }
     let gradient = std::array::from_fn(|_| rng.range(-2.0, 2.0));
-    Expansion {
-        order: 2,
-        value: rng.range(-1.0, 1.0),
-        gradient,
-        hessian: h,
-    }
+    Expansion { order: 2, value: rng.range(-1.0, 1.0), gradient, hessian: h }
 }
 
 #[test]
@@ -55,66 +50,32 @@ fn range_in_four_parameters_contains_every_value() {
         }
     }
     // Without mixed terms the bound is attained.
-    let m = Expansion::<f64, 4> {
-        order: 2,
-        value: 0.0,
-        gradient: [0.0; 4],
-        hessian: [[0.0; 4]; 4],
-    };
-    let m = Expansion {
-        hessian: std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 2.0 } else { 0.0 })),
-        ..m
-    };
+    let m = Expansion::<f64, 4> { order: 2, value: 0.0, gradient: [0.0; 4], hessian: [[0.0; 4]; 4] };
+    let m =
+        Expansion { hessian: std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 2.0 } else { 0.0 })), ..m };
     assert_eq!(range(&m), (0.0, 4.0));
 }
 
 #[test]
 fn degenerate_quadratics() {
     // A parabolic valley (singular Hessian) with its minimum along a line inside the square.
-    let m = Expansion {
-        order: 2,
-        value: 0.1,
-        gradient: [0.0, 0.0],
-        hessian: [[2.0, -2.0], [-2.0, 2.0]],
-    };
+    let m = Expansion { order: 2, value: 0.1, gradient: [0.0, 0.0], hessian: [[2.0, -2.0], [-2.0, 2.0]] };
     let lo: f64 = range(&m).0;
     assert!((lo - 0.1).abs() < 1e-15);
     // Linear after all.
-    let m = Expansion {
-        order: 2,
-        value: 3.0,
-        gradient: [1.0, -1.0],
-        hessian: [[0.0; 2]; 2],
-    };
+    let m = Expansion { order: 2, value: 3.0, gradient: [1.0, -1.0], hessian: [[0.0; 2]; 2] };
     assert_eq!(range(&m), (1.0, 5.0));
     // Nothing known: never "clear".
     for bad in [f64::NAN, f64::INFINITY] {
-        assert!(bounds(&Expansion {
-            gradient: [bad, 0.0],
-            ..m
-        }));
+        assert!(bounds(&Expansion { gradient: [bad, 0.0], ..m }));
         assert!(corners(&Expansion { value: bad, ..m }, Neighbours::Corners));
     }
-    assert_eq!(
-        Expansion {
-            order: 1,
-            value: 1.0,
-            gradient: [3.0, 4.0],
-            hessian: [[0.0; 2]; 2]
-        }
-        .distance(),
-        0.2
-    );
+    assert_eq!(Expansion { order: 1, value: 1.0, gradient: [3.0, 4.0], hessian: [[0.0; 2]; 2] }.distance(), 0.2);
 }
 
 #[test]
 fn neighbours() {
-    let at = |value, gradient| Expansion {
-        order: 1,
-        value,
-        gradient,
-        hessian: [[0.0; 2]; 2],
-    };
+    let at = |value, gradient| Expansion { order: 1, value, gradient, hessian: [[0.0; 2]; 2] };
     // Cuts one corner only: seen by corners, not by sides.
     let m = at(1.5, [1.0, 1.0]);
     assert!(corners(&m, Neighbours::Corners) && !corners(&m, Neighbours::Sides));
@@ -124,14 +85,8 @@ fn neighbours() {
     assert!(!corners_inside(&slab, Neighbours::CornersAndSides));
     assert!(slab.iter().all(bounds));
     // Guards.
-    let behind = Guarded {
-        margin: at(0.0, [1.0, 0.0]),
-        guard: at(-1.0, [0.2, 0.2]),
-    };
+    let behind = Guarded { margin: at(0.0, [1.0, 0.0]), guard: at(-1.0, [0.2, 0.2]) };
     assert!(!behind.flags(Test::Bounds) && !behind.flags(Test::Corners(Neighbours::Corners)));
-    let front = Guarded {
-        guard: at(1.0, [0.2, 0.2]),
-        ..behind
-    };
+    let front = Guarded { guard: at(1.0, [0.2, 0.2]), ..behind };
     assert!(front.flags(Test::Bounds) && front.flags(Test::Corners(Neighbours::Corners)));
 }

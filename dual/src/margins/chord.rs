@@ -40,10 +40,7 @@ impl<F: Scalar> Projector<F> {
         let [d1, d2] = family.d_p;
         let (r0, r1, r2) = (d1.cross(d2), d2.cross(family.d), family.d.cross(d1));
         let inv = family.d.dot(r0).recip();
-        (inv.is_finite()).then(|| Self {
-            o: family.o,
-            rows: [r0.scale(inv), r1.scale(inv), r2.scale(inv)],
-        })
+        (inv.is_finite()).then(|| Self { o: family.o, rows: [r0.scale(inv), r1.scale(inv), r2.scale(inv)] })
     }
 
     /// Homogeneous coordinates (w, w p1, w p2) of a point; it is in front if w > 0 and in the footprint if |w p_i| <= w.
@@ -85,11 +82,7 @@ impl<F: Scalar> Projector<F> {
         };
         let ((p0, t0), (p1, t1)) = (end(s0), end(s1));
         // Only an edge through the origin itself ends at w = 0.
-        (t0 > F::zero() || t1 > F::zero()).then_some(Chord {
-            p: [p0, p1],
-            t: [t0, t1],
-            s: [s0, s1],
-        })
+        (t0 > F::zero() || t1 > F::zero()).then_some(Chord { p: [p0, p1], t: [t0, t1], s: [s0, s1] })
     }
 }
 
@@ -140,10 +133,7 @@ pub fn predicted_chord<F: Scalar, T: Jet<2, Primitive = F>>(ray: &Ray<T>, a: Vec
     // The zero line: foot + u (-g1, g0), long enough to leave the square on both sides.
     let foot = [-m.value * g0 * g2.recip(), -m.value * g1 * g2.recip()];
     let scale = F::of(4.0) * g2.sqrt().recip();
-    let (qa, qb) = (
-        [foot[0] - g1 * scale, foot[1] + g0 * scale],
-        [foot[0] + g1 * scale, foot[1] - g0 * scale],
-    );
+    let (qa, qb) = ([foot[0] - g1 * scale, foot[1] + g0 * scale], [foot[0] + g1 * scale, foot[1] - g0 * scale]);
     if m.value.abs() > g0.abs() + g1.abs() {
         return None;
     }
@@ -160,9 +150,5 @@ pub fn predicted_chord<F: Scalar, T: Jet<2, Primitive = F>>(ray: &Ray<T>, a: Vec
         return None;
     }
     let p = [u0, u1].map(|u| [qa[0] + (qb[0] - qa[0]) * u, qa[1] + (qb[1] - qa[1]) * u]);
-    Some(Chord {
-        p,
-        t: p.map(|p| t.at(p)),
-        s: p.map(|p| s.at(p)),
-    })
+    Some(Chord { p, t: p.map(|p| t.at(p)), s: p.map(|p| s.at(p)) })
 }

@@ -39,9 +39,7 @@ macro_rules! exact {
     ($name:ident, $order:ty, $world:ident => $setup:expr, $ray:ident, $shape:ident => $margin:expr) => {
         #[test]
         fn $name() {
-            let mut $world = World {
-                rng: Rng::new(0x5eed),
-            };
+            let mut $world = World { rng: Rng::new(0x5eed) };
             for _ in 0..3000 {
                 let family = $world.family();
                 let $shape = $setup;
@@ -101,10 +99,7 @@ fn signs_agree_with_hits() {
         let d = Disk::new(w.point(), w.rng.direction(), 0.7);
         let inside = rim(&ray, &d) > 0.0 && rim_guard(&ray, &d) > 0.0;
         assert_eq!(inside, d.hit(&ray, 0.0, 1e9).is_some());
-        let (a, b) = (
-            Plane::new(w.point(), w.rng.direction()),
-            Plane::new(w.point(), w.rng.direction()),
-        );
+        let (a, b) = (Plane::new(w.point(), w.rng.direction()), Plane::new(w.point(), w.rng.direction()));
         if let (Some(ta), Some(tb)) = (a.hit(&ray, 0.0, 1e9), b.hit(&ray, 0.0, 1e9)) {
             assert_eq!(swap(&ray, &a, &b) < 0.0, ta < tb);
         }
@@ -145,10 +140,7 @@ fn shared_curves_lie_on_both_surfaces() {
     let mut w = World { rng: Rng::new(4) };
     let mut found = [0; 3];
     for _ in 0..3000 {
-        let (a, b) = (
-            Sphere::new(w.point(), w.rng.range(0.3, 1.0)),
-            Sphere::new(w.point(), w.rng.range(0.3, 1.0)),
-        );
+        let (a, b) = (Sphere::new(w.point(), w.rng.range(0.3, 1.0)), Sphere::new(w.point(), w.rng.range(0.3, 1.0)));
         let plane = Plane::new(w.point(), w.rng.direction() * 2.0);
         if let Some(c) = sphere_sphere_circle(&a, &b) {
             let x = c.centre + c.normal.cross(w.rng.direction()).normalized() * c.radius;

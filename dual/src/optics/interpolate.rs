@@ -14,11 +14,7 @@ pub fn interpolate<T: Real>(b: [T; 3], at: [Prim<T>; 3]) -> T {
 /// Interpolates one vector per vertex, not normalised.
 #[inline]
 pub fn interpolate_vec3<T: Real>(b: [T; 3], at: [Vec3<Prim<T>>; 3]) -> Vec3<T> {
-    Vec3 {
-        x: interpolate(b, at.map(|v| v.x)),
-        y: interpolate(b, at.map(|v| v.y)),
-        z: interpolate(b, at.map(|v| v.z)),
-    }
+    Vec3 { x: interpolate(b, at.map(|v| v.x)), y: interpolate(b, at.map(|v| v.y)), z: interpolate(b, at.map(|v| v.z)) }
 }
 
 /// Unit shading normal from vertex normals; not finite if they cancel at this point.

@@ -48,10 +48,7 @@ fn through_ball<T: crate::Real<Primitive = f64>>(ray: Ray<T>, ball: &Sphere<f64>
     let q = inside.at(ball.t(&inside, Root::Far));
     let m = -ball.normal(q);
     let out = Ray::new(q, refract(inside.d, m, eta).direction?);
-    let c = cos(ray.d, n)
-        .min(cos(inside.d, n))
-        .min(cos(inside.d, m))
-        .min(cos(out.d, m));
+    let c = cos(ray.d, n).min(cos(inside.d, n)).min(cos(inside.d, m)).min(cos(out.d, m));
     Some((out, c))
 }
 
@@ -74,11 +71,7 @@ impl Chain {
             }
         };
         let c = c.min(cos(out.d, Vec3::lift(self.mirror.normal()))).min(cos(refl.d, m));
-        Some(Walk {
-            point: refl.at(t),
-            dir: reflect(refl.d, m.normalized()),
-            min_cos: c,
-        })
+        Some(Walk { point: refl.at(t), dir: reflect(refl.d, m.normalized()), min_cos: c })
     }
 
     /// A chain built along a real ray, so that nothing is missed.
@@ -120,13 +113,7 @@ impl Chain {
                 Last::Cylinder(if s.discriminant(&refl) > 0.0 { s } else { return None })
             }
         };
-        let chain = Chain {
-            ball,
-            eta,
-            mirror,
-            normals,
-            last,
-        };
+        let chain = Chain { ball, eta, mirror, normals, last };
         (chain.walk(ray)?.min_cos > GRAZING).then_some(chain)
     }
 }
@@ -149,9 +136,7 @@ fn difference<const N: usize>(
         f(family, p)
     };
     let (a, b, c, d) = (at(-2.0)?, at(-1.0)?, at(1.0)?, at(2.0)?);
-    Some(std::array::from_fn(|i| {
-        (8.0 * (c[i] - b[i]) - (d[i] - a[i])) / (12.0 * h)
-    }))
+    Some(std::array::from_fn(|i| (8.0 * (c[i] - b[i]) - (d[i] - a[i])) / (12.0 * h)))
 }
 
 /// Error relative to the length of the derivative vector.
@@ -172,11 +157,7 @@ fn first_derivatives_of_chains_agree_with_central_differences() {
         let o = rng.cube(1.0);
         let d = rng.direction() * rng.range(0.5, 2.0);
         // Every second family moves its origin as well.
-        let o_p = if done % 2 == 0 {
-            [Vec3::zero(); 2]
-        } else {
-            [rng.cube(0.5), rng.cube(0.5)]
-        };
+        let o_p = if done % 2 == 0 { [Vec3::zero(); 2] } else { [rng.cube(0.5), rng.cube(0.5)] };
         let family = Family::<f64, 2>::new(o, o_p, d, [rng.cube(0.5), rng.cube(0.5)]);
         let Some(chain) = Chain::random(&mut rng, &family) else {
             continue;
@@ -231,9 +212,7 @@ fn second_and_four_parameter_derivatives_agree_with_differences() {
         for (i, k) in [(0, 0), (0, 1), (1, 1)] {
             let gradient = |f: &Family<f64, 2>, p: [f64; 2]| {
                 let shifted = f.cell(p, [1.0, 1.0]);
-                chain
-                    .walk(shifted.ray::<DualSVec64<2>>())
-                    .map(|w| outputs(&w).map(|x| x.gradient()[i]))
+                chain.walk(shifted.ray::<DualSVec64<2>>()).map(|w| outputs(&w).map(|x| x.gradient()[i]))
             };
             let Some(fd) = difference(gradient, &aim, k, h) else {
                 continue;

@@ -36,10 +36,7 @@ impl<F: Scalar> Cylinder<F> {
     #[inline]
     pub fn caps(&self) -> [super::Disk<F>; 2] {
         let n = self.axis();
-        [
-            super::Disk::new(self.a, -n, self.radius),
-            super::Disk::new(self.b, n, self.radius),
-        ]
+        [super::Disk::new(self.a, -n, self.radius), super::Disk::new(self.b, n, self.radius)]
     }
 
     /// Discriminant of the infinite cylinder: positive where the ray's line enters it. Scales with |d|^2 |A|^2.
@@ -115,11 +112,7 @@ impl<F: Scalar> Cylinder<F> {
         let eps = F::of(GRAZING_EPS) * F::epsilon();
         let crossing = disc.re() > scale.re() * (eps * eps);
         let inv = a.recip();
-        let half = if crossing {
-            (disc * self.axis().norm2()).sqrt() * inv
-        } else {
-            constant(F::zero())
-        };
+        let half = if crossing { (disc * self.axis().norm2()).sqrt() * inv } else { constant(F::zero()) };
         (dx.dot(mx) * inv, half, crossing)
     }
 }

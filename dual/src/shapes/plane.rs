@@ -41,13 +41,6 @@ impl<F: Scalar> Plane<F> {
     /// The same plane with its normal pointing away from `o`, so that `tau(o) >= 0` and rays meet it where `n.d > 0`.
     #[inline]
     pub fn facing_away(&self, o: Vec3<F>) -> Self {
-        if self.tau(o) < F::zero() {
-            Self {
-                normal: -self.normal,
-                ..*self
-            }
-        } else {
-            *self
-        }
+        if self.tau(o) < F::zero() { Self { normal: -self.normal, ..*self } } else { *self }
     }
 }

@@ -69,10 +69,7 @@ impl<F: Scalar> Rectangle<F> {
         let n = self.area_normal();
         let inv = n.norm2().recip();
         let q = p - Vec3::lift(self.centre);
-        [
-            q.dot(Vec3::lift(self.e2.cross(n).scale(inv))),
-            q.dot(Vec3::lift(n.cross(self.e1).scale(inv))),
-        ]
+        [q.dot(Vec3::lift(self.e2.cross(n).scale(inv))), q.dot(Vec3::lift(n.cross(self.e1).scale(inv)))]
     }
 
     /// The `t` in (t_min, t_max), if the ray meets the rectangle there, from either side.

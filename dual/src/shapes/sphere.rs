@@ -42,11 +42,7 @@ impl<F: Scalar> Sphere<F> {
         let b = ray.d.dot(m);
         let r2d2 = a * (self.radius * self.radius);
         let disc = r2d2 - m.cross(ray.d).norm2();
-        let s = if self.is_crossing(disc.re(), r2d2.re()) {
-            disc.sqrt()
-        } else {
-            constant(F::zero())
-        };
+        let s = if self.is_crossing(disc.re(), r2d2.re()) { disc.sqrt() } else { constant(F::zero()) };
         match root {
             Root::Near => (b - s) * a.recip(),
             Root::Far => (b + s) * a.recip(),

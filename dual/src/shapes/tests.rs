@@ -127,10 +127,7 @@ fn hits_lie_on_the_surface_and_inside() {
 fn sphere_is_met_from_inside_and_not_behind() {
     let s = Sphere::new(vec3(0.0, 0.0, 0.0), 1.0);
     let d = vec3(0.0, 0.0, 2.0);
-    assert_eq!(
-        s.hit(&Ray::new(vec3(0.0, 0.0, 0.0), d), 0.0, 9.0),
-        Some((0.5, Root::Far))
-    );
+    assert_eq!(s.hit(&Ray::new(vec3(0.0, 0.0, 0.0), d), 0.0, 9.0), Some((0.5, Root::Far)));
     assert_eq!(s.hit(&Ray::new(vec3(0.0, 0.0, 3.0), d), 0.0, 9.0), None);
     assert_eq!(s.hit(&Ray::new(vec3(0.0, 0.0, -3.0), d), 0.0, 0.9), None);
 }
@@ -144,10 +141,7 @@ fn open_cylinder_shows_its_inner_wall() {
     let down = Ray::new(vec3(-3.0, 0.0, 3.0), vec3(1.0, 0.0, -0.75));
     assert_eq!(c.hit(&down, 0.0, 9.0), Some((4.0, Root::Far)));
     // Along the axis: no hit, no panic.
-    assert_eq!(
-        c.hit(&Ray::new(vec3(0.0, 0.0, 5.0), vec3(0.0, 0.0, -1.0)), 0.0, 9.0),
-        None
-    );
+    assert_eq!(c.hit(&Ray::new(vec3(0.0, 0.0, 5.0), vec3(0.0, 0.0, -1.0)), 0.0, 9.0), None);
 }
 
 #[test]
@@ -186,9 +180,5 @@ fn grazing_rays_stay_finite() {
     assert!(s.hit(&bad, 0.0, 9.0).is_none());
     let tri = Triangle::new(vec3(0.0, 0.0, 1.0), vec3(1.0, 0.0, 1.0), vec3(0.0, 1.0, 1.0));
     assert!(tri.hit(&bad, 0.0, 9.0).is_none());
-    assert!(
-        Disk::new(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0), 1.0)
-            .hit(&bad, 0.0, 9.0)
-            .is_none()
-    );
+    assert!(Disk::new(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0), 1.0).hit(&bad, 0.0, 9.0).is_none());
 }

@@ -44,11 +44,7 @@ impl Scene {
     pub fn detect(&self, view: &View, test: Test, order: usize) -> Vec<Event> {
         let ray = view.family.ray::<D2>();
         let cut = |m: Expansion<f64, 2>| if order < 2 { m.first_order() } else { m };
-        let projector = if view.family.has_fixed_origin() {
-            Projector::new(&view.family)
-        } else {
-            None
-        };
+        let projector = if view.family.has_fixed_origin() { Projector::new(&view.family) } else { None };
         let mut events = Vec::new();
         if let Some(n) = view.horizon {
             let m = cut(margins::facing(ray.d, n).expansion());
@@ -56,12 +52,7 @@ impl Scene {
                 return events;
             }
             if test.flags(&m) {
-                events.push(Event {
-                    kind: Kind::Horizon,
-                    shapes: [None; 2],
-                    chord: None,
-                    distance: m.distance(),
-                });
+                events.push(Event { kind: Kind::Horizon, shapes: [None; 2], chord: None, distance: m.distance() });
             }
         }
         for (owners, feature) in self.features(view, test) {
@@ -86,11 +77,8 @@ impl Scene {
                     }
                 }
                 Edge::Polygon(corners) => {
-                    let all: Vec<_> = margins::polygon(&ray, corners)
-                        .into_iter()
-                        .flatten()
-                        .map(|m| cut(m.expansion()))
-                        .collect();
+                    let all: Vec<_> =
+                        margins::polygon(&ray, corners).into_iter().flatten().map(|m| cut(m.expansion())).collect();
                     let nearest = all.iter().copied().min_by(|a, b| a.distance().total_cmp(&b.distance()));
                     let plane = Plane::new(corners[0], (corners[1] - corners[0]).cross(corners[2] - corners[0]));
                     if let (Test::Corners(neighbours), Some(m)) = (test, nearest)
@@ -103,10 +91,7 @@ impl Scene {
                 Edge::Margin(f) => {
                     let (margin, guard) = f(&ray);
                     let both = Guarded::new(margin, guard);
-                    let both = Guarded {
-                        margin: cut(both.margin),
-                        guard: cut(both.guard),
-                    };
+                    let both = Guarded { margin: cut(both.margin), guard: cut(both.guard) };
                     if both.flags(test) && !self.hides_plane(view, owners, feature.plane) {
                         events.push(event(None, both.margin));
                     }
@@ -121,29 +106,17 @@ impl Scene {
     fn features(&self, view: &View, test: Test) -> Vec<([Option<usize>; 2], Feature)> {
         let mut out = Vec::new();
         let live = |i: &usize| Some(*i) != view.exclude;
-        let end = view
-            .t_max
-            .is_finite()
-            .then(|| CORNERS.map(|p| view.family.at(p).at(view.t_max)).to_vec());
+        let end = view.t_max.is_finite().then(|| CORNERS.map(|p| view.family.at(p).at(view.t_max)).to_vec());
         for i in (0..self.shapes.len()).filter(live) {
             match (test, self.shapes[i].surface()) {
                 (Test::Corners(_), Surface::Polygon(corners)) if corners.len() >= 3 => {
                     let edge = Edge::Polygon(corners);
-                    out.push((
-                        [Some(i), None],
-                        Feature {
-                            kind: Kind::Boundary,
-                            edge,
-                            plane: None,
-                        },
-                    ));
+                    out.push(([Some(i), None], Feature { kind: Kind::Boundary, edge, plane: None }));
                 }
                 _ => out.extend(self.shapes[i].features(view).into_iter().map(|f| ([Some(i), None], f))),
             }
             // A shape that pierces the far end (the light) swaps depth with it.
-            let far = end
-                .clone()
-                .and_then(|end| shared(self.shapes[i].surface(), Surface::Polygon(end)));
+            let far = end.clone().and_then(|end| shared(self.shapes[i].surface(), Surface::Polygon(end)));
             out.extend(far.map(|f| ([Some(i), None], f)));
             for j in (0..i).filter(live) {
                 if let Some(f) = shared(self.shapes[i].surface(), self.shapes[j].surface()) {
@@ -196,11 +169,7 @@ impl Scene {
 /// The square round a disk.
 fn square_round(disk: &Disk<f64>) -> Vec<Vec3<f64>> {
     let n = disk.normal.normalized();
-    let least = if n.x.abs() < 0.6 {
-        vec3(1.0, 0.0, 0.0)
-    } else {
-        vec3(0.0, 1.0, 0.0)
-    };
+    let least = if n.x.abs() < 0.6 { vec3(1.0, 0.0, 0.0) } else { vec3(0.0, 1.0, 0.0) };
     let u = n.cross(least).normalized() * disk.radius;
     Rectangle::new(disk.centre, u, n.cross(u)).corners().to_vec()
 }

@@ -39,23 +39,14 @@ pub struct View {
 
 impl From<Family<f64, 2>> for View {
     fn from(family: Family<f64, 2>) -> Self {
-        Self {
-            family,
-            t_max: f64::INFINITY,
-            horizon: None,
-            exclude: None,
-        }
+        Self { family, t_max: f64::INFINITY, horizon: None, exclude: None }
     }
 }
 
 impl View {
     /// A light (centre, half edges) seen from a point of a surface: what lies beyond t = 1 does not count, the horizon does.
     pub fn light(x: Vec3<f64>, normal: Vec3<f64>, centre: Vec3<f64>, half_edges: [Vec3<f64>; 2]) -> Self {
-        Self {
-            t_max: 1.0,
-            horizon: Some(normal),
-            ..Family::towards(x, centre, half_edges).into()
-        }
+        Self { t_max: 1.0, horizon: Some(normal), ..Family::towards(x, centre, half_edges).into() }
     }
 }
 
@@ -85,32 +76,19 @@ pub struct Feature {
 impl Feature {
     /// A straight edge.
     pub fn segment(kind: Kind, ends: [Vec3<f64>; 2]) -> Self {
-        Self {
-            kind,
-            edge: Edge::Segment(ends),
-            plane: None,
-        }
+        Self { kind, edge: Edge::Segment(ends), plane: None }
     }
 
     /// A circle in space.
     pub fn circle(kind: Kind, circle: Disk<f64>) -> Self {
-        let edge = Edge::Margin(Box::new(move |r| {
-            (crate::margins::rim(r, &circle), crate::margins::rim_guard(r, &circle))
-        }));
-        Self {
-            kind,
-            edge,
-            plane: Some(circle.plane()),
-        }
+        let edge =
+            Edge::Margin(Box::new(move |r| (crate::margins::rim(r, &circle), crate::margins::rim_guard(r, &circle))));
+        Self { kind, edge, plane: Some(circle.plane()) }
     }
 
     /// Any margin, with its guard (return the constant 1 if it needs none). It is never taken to be hidden.
     pub fn margin(kind: Kind, f: impl Fn(&Ray<D2>) -> (D2, D2) + 'static) -> Self {
-        Self {
-            kind,
-            edge: Edge::Margin(Box::new(f)),
-            plane: None,
-        }
+        Self { kind, edge: Edge::Margin(Box::new(f)), plane: None }
     }
 
     /// States the plane in which the edge lies.

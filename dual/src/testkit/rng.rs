@@ -49,10 +49,8 @@ impl Rng {
     pub fn family(&mut self, o: Vec3<f64>, d: Vec3<f64>, size: f64) -> Family<f64, 2> {
         loop {
             let len = d.norm() * size;
-            let (a, b) = (
-                self.direction() * (len * self.range(0.2, 1.0)),
-                self.direction() * (len * self.range(0.2, 1.0)),
-            );
+            let (a, b) =
+                (self.direction() * (len * self.range(0.2, 1.0)), self.direction() * (len * self.range(0.2, 1.0)));
             // Seen edge-on a footprint has no area; such families have their own test.
             if d.dot(a.cross(b)).abs() > 0.05 * d.norm() * a.norm() * b.norm() {
                 return Family::fixed(o, d, [a, b]);

@@ -127,9 +127,8 @@ impl Shape for Sphere<f64> {
             return vec![];
         };
         let s = *self;
-        let silhouette = Feature::margin(Kind::Silhouette, move |r| {
-            (margins::sphere(r, &s), margins::sphere_guard(r, &s))
-        });
+        let silhouette =
+            Feature::margin(Kind::Silhouette, move |r| (margins::sphere(r, &s), margins::sphere_guard(r, &s)));
         vec![silhouette.in_plane(circle.plane())]
     }
     fn surface(&self) -> Surface {
@@ -144,26 +143,16 @@ impl Shape for Cylinder<f64> {
     /// Part 0 is the outer wall, 1 the inner.
     fn hit(&self, ray: &Ray<f64>, t_min: f64, t_max: f64) -> Option<Hit> {
         let (t, root) = Cylinder::hit(self, ray, t_min, t_max)?;
-        Some(Hit {
-            t,
-            part: u32::from(root == Root::Far),
-        })
+        Some(Hit { t, part: u32::from(root == Root::Far) })
     }
     fn features(&self, view: &View) -> Vec<Feature> {
         let mut out: Vec<_> = self.caps().map(|cap| Feature::circle(Kind::Boundary, cap)).into();
         if view.family.has_fixed_origin() {
             let lines = margins::cylinder_silhouette(view.family.o, self);
-            out.extend(
-                lines
-                    .into_iter()
-                    .flatten()
-                    .map(|s| Feature::segment(Kind::Silhouette, s)),
-            );
+            out.extend(lines.into_iter().flatten().map(|s| Feature::segment(Kind::Silhouette, s)));
         } else if self.is_outside(view.family.o) {
             let c = *self;
-            out.push(Feature::margin(Kind::Silhouette, move |r| {
-                (margins::cylinder(r, &c), crate::constant(1.0))
-            }));
+            out.push(Feature::margin(Kind::Silhouette, move |r| (margins::cylinder(r, &c), crate::constant(1.0))));
         }
         out
     }

@@ -49,11 +49,7 @@ impl Score {
 }
 
 fn ratio(good: usize, bad: usize) -> f64 {
-    if bad == 0 {
-        1.0
-    } else {
-        good as f64 / (good + bad) as f64
-    }
+    if bad == 0 { 1.0 } else { good as f64 / (good + bad) as f64 }
 }
 
 impl AddAssign for Score {
@@ -116,15 +112,7 @@ impl Scene {
         let wanted = sorted(kinds.to_vec());
         let truth = self.oracle(view, 32);
         let report = || format!("predicted events: {events:#?}\nrays saw: {:?}", truth.labels);
-        assert!(
-            found == wanted,
-            "expected {wanted:?}, predicted {found:?}\n{}",
-            report()
-        );
-        assert!(
-            truth.has_edge() != wanted.is_empty(),
-            "rays disagree with the expectation {wanted:?}\n{}",
-            report()
-        );
+        assert!(found == wanted, "expected {wanted:?}, predicted {found:?}\n{}", report());
+        assert!(truth.has_edge() != wanted.is_empty(), "rays disagree with the expectation {wanted:?}\n{}", report());
     }
 }

@@ -78,13 +78,7 @@ fn bounds_miss_nothing_on_polygons_at_first_order() {
 
 #[test]
 fn bounds_miss_nothing_on_quadrics_and_polygons_at_second_order() {
-    let s = total(
-        mixed,
-        1600,
-        50,
-        8,
-        &[(Test::Bounds, 2), (Test::Bounds, 1), (EIGHT, 2), (EIGHT, 1), (FOUR, 2)],
-    );
+    let s = total(mixed, 1600, 50, 8, &[(Test::Bounds, 2), (Test::Bounds, 1), (EIGHT, 2), (EIGHT, 1), (FOUR, 2)]);
     assert_eq!(s[0].misses, 0);
     assert!(s[0].hits > 15_000 && s[0].precision() > 0.8, "{}", s[0]);
     // First order is no bound for quadrics.
@@ -108,11 +102,8 @@ fn what_a_coarse_oracle_calls_false_is_mostly_true() {
 
 #[test]
 fn tiny_spheres_slip_between_neighbours_only() {
-    let make = |rng: &mut Rng| {
-        (0..10).fold(Scene::new(), |scene, _| {
-            scene.with(Sphere::new(at(rng), rng.range(0.02, 0.06)))
-        })
-    };
+    let make =
+        |rng: &mut Rng| (0..10).fold(Scene::new(), |scene, _| scene.with(Sphere::new(at(rng), rng.range(0.02, 0.06))));
     let s = total(make, 200, 100, 16, &[(Test::Bounds, 2), (EIGHT, 2)]);
     assert_eq!(s[0].misses, 0);
     assert!(s[0].precision() > 0.8, "{}", s[0]);
@@ -129,12 +120,7 @@ fn lights_seen_from_a_floor() {
         let views: Vec<_> = (0..20)
             .map(|_| {
                 let x = rng.cube(1.0);
-                View::light(
-                    x,
-                    rng.direction(),
-                    vec3(0.0, 0.0, 5.5) + rng.cube(0.5),
-                    [rng.cube(0.6), rng.cube(0.6)],
-                )
+                View::light(x, rng.direction(), vec3(0.0, 0.0, 5.5) + rng.cube(0.5), [rng.cube(0.6), rng.cube(0.6)])
             })
             .collect();
         sum += scene.score(&views, Test::Bounds, 2, 12);
@@ -168,28 +154,17 @@ fn square(z: f64, half: f64) -> Rectangle<f64> {
 }
 
 fn pixel() -> Family<f64, 2> {
-    Family::fixed(
-        Vec3::zero(),
-        vec3(0.0, 0.0, 1.0),
-        [vec3(0.1, 0.0, 0.0), vec3(0.0, 0.1, 0.0)],
-    )
+    Family::fixed(Vec3::zero(), vec3(0.0, 0.0, 1.0), [vec3(0.1, 0.0, 0.0), vec3(0.0, 0.1, 0.0)])
 }
 
 #[test]
 fn hidden_edges_are_no_events() {
     let behind = Rectangle::new(vec3(1.0, 0.0, 5.0), vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0));
     let ball = Sphere::new(vec3(0.0, 0.0, 5.0), 0.2);
-    Scene::new()
-        .with(square(2.0, 1.0))
-        .with(behind)
-        .with(ball)
-        .expect(&pixel().into(), &[]);
+    Scene::new().with(square(2.0, 1.0)).with(behind).with(ball).expect(&pixel().into(), &[]);
     // The cover itself has an edge in the footprint: what lies behind may show.
     let half = Rectangle::new(vec3(-1.05, 0.0, 2.0), vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0));
-    Scene::new()
-        .with(half)
-        .with(ball)
-        .expect(&pixel().into(), &[Kind::Boundary, Kind::Silhouette]);
+    Scene::new().with(half).with(ball).expect(&pixel().into(), &[Kind::Boundary, Kind::Silhouette]);
     // Hidden by a ball.
     let front = Sphere::new(vec3(0.0, 0.0, 3.0), 1.0);
     Scene::new().with(front).with(behind).expect(&pixel().into(), &[]);
@@ -198,37 +173,19 @@ fn hidden_edges_are_no_events() {
 #[test]
 fn swaps_horizons_and_walls() {
     let tilted = Rectangle::new(vec3(0.0, 0.0, 4.0), vec3(2.0, 0.0, 1.0), vec3(0.0, 2.0, 0.0));
-    Scene::new()
-        .with(square(4.0, 2.0))
-        .with(tilted)
-        .expect(&pixel().into(), &[Kind::Swap]);
+    Scene::new().with(square(4.0, 2.0)).with(tilted).expect(&pixel().into(), &[Kind::Swap]);
     let ball = Sphere::new(vec3(0.0, 0.0, 4.5), 0.6);
-    Scene::new()
-        .with(square(4.0, 2.0))
-        .with(ball)
-        .expect(&pixel().into(), &[Kind::Swap]);
-    let view = View {
-        horizon: Some(vec3(1.0, 0.0, 0.01)),
-        ..pixel().into()
-    };
+    Scene::new().with(square(4.0, 2.0)).with(ball).expect(&pixel().into(), &[Kind::Swap]);
+    let view = View { horizon: Some(vec3(1.0, 0.0, 0.01)), ..pixel().into() };
     Scene::new().with(square(4.0, 2.0)).expect(&view, &[Kind::Horizon]);
     // Looking along an open tube: the rim between outer and inner wall.
     let tube = Cylinder::new(vec3(0.4, -3.0, 4.0), vec3(0.4, 0.1, 4.0), 0.3);
-    let above = Family::fixed(
-        vec3(0.0, 2.0, 2.0),
-        vec3(0.2, -1.0, 1.0),
-        [vec3(0.1, 0.0, 0.0), vec3(0.0, 0.1, 0.1)],
-    );
+    let above = Family::fixed(vec3(0.0, 2.0, 2.0), vec3(0.2, -1.0, 1.0), [vec3(0.1, 0.0, 0.0), vec3(0.0, 0.1, 0.1)]);
     assert!(Scene::new().with(tube).oracle(&above.into(), 64).has_edge());
     // The shape a ray starts from is no event.
-    let own = View {
-        exclude: Some(0),
-        ..pixel().into()
-    };
+    let own = View { exclude: Some(0), ..pixel().into() };
     Scene::new().with(square(1.0, 0.05)).expect(&own, &[]);
-    Scene::new()
-        .with(square(1.0, 0.05))
-        .expect(&pixel().into(), &[Kind::Boundary]);
+    Scene::new().with(square(1.0, 0.05)).expect(&pixel().into(), &[Kind::Boundary]);
     // An empty scene is clear.
     Scene::new().expect(&pixel().into(), &[]);
 }
@@ -236,18 +193,12 @@ fn swaps_horizons_and_walls() {
 #[test]
 #[should_panic(expected = "expected [Boundary], predicted [Silhouette]")]
 fn a_wrong_expectation_panics() {
-    Scene::new()
-        .with(Sphere::new(vec3(0.0, 0.0, 3.0), 0.1))
-        .expect(&pixel().into(), &[Kind::Boundary]);
+    Scene::new().with(Sphere::new(vec3(0.0, 0.0, 3.0), 0.1)).expect(&pixel().into(), &[Kind::Boundary]);
 }
 
 #[test]
 fn chords_are_reported() {
-    let scene = Scene::new().with(Rectangle::new(
-        vec3(1.0, 0.0, 2.0),
-        vec3(1.0, 0.0, 0.0),
-        vec3(0.0, 9.0, 0.0),
-    ));
+    let scene = Scene::new().with(Rectangle::new(vec3(1.0, 0.0, 2.0), vec3(1.0, 0.0, 0.0), vec3(0.0, 9.0, 0.0)));
     let events = scene.detect(&pixel().into(), Test::Bounds, 1);
     let [event] = &events[..] else { panic!("{events:?}") };
     let chord = event.chord.unwrap();

@@ -5,12 +5,12 @@
 //! Not handled `principled`, `measured`, hair, polarisation: diffuse with a warning
 
 use super::builder::Builder;
+use super::legacy_bsdf;
 use super::optics;
 use super::props::Props;
 use super::report::{Checked, Loc};
 use super::texture::{color, constant, scalar};
 use super::tree::ObjectId;
-use super::legacy_bsdf;
 use crate::formats::diagnostics::suggestion;
 use crate::formats::spectrum::{Usage, to_rgb};
 use crate::math::Rgb;
@@ -19,19 +19,42 @@ use crate::scene::material::{Distribution, Material, Roughness};
 use crate::scene::texture::{Color, Texture};
 
 const BSDFS: [&str; 18] = [
-    "diffuse", "twosided", "dielectric", "thindielectric", "roughdielectric", "conductor", "roughconductor", "plastic",
-    "roughplastic", "mask", "bumpmap", "normalmap", "blendbsdf", "mixturebsdf", "null", "roughdiffuse", "phong", "ward",
+    "diffuse",
+    "twosided",
+    "dielectric",
+    "thindielectric",
+    "roughdielectric",
+    "conductor",
+    "roughconductor",
+    "plastic",
+    "roughplastic",
+    "mask",
+    "bumpmap",
+    "normalmap",
+    "blendbsdf",
+    "mixturebsdf",
+    "null",
+    "roughdiffuse",
+    "phong",
+    "ward",
 ];
 /// Known elsewhere, but not here.
 const UNSUPPORTED: [&str; 10] = [
-    "principled", "principledthin", "measured", "hair", "difftrans", "hk", "irawan", "pplastic", "circular", "hanrahan",
+    "principled",
+    "principledthin",
+    "measured",
+    "hair",
+    "difftrans",
+    "hk",
+    "irawan",
+    "pplastic",
+    "circular",
+    "hanrahan",
 ];
 
 /// Lambertian grey.
 pub fn grey(value: f32) -> Material {
-    Material::Diffuse {
-        reflectance: Color::Constant(Rgb::splat(value)),
-    }
+    Material::Diffuse { reflectance: Color::Constant(Rgb::splat(value)) }
 }
 
 /// Reads a `<bsdf>`.
@@ -39,9 +62,7 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<Material> {
     let props = b.props(id);
     let kind = props.object.kind.as_str();
     let material = match kind {
-        "diffuse" => Material::Diffuse {
-            reflectance: reflectance(b, &props, "reflectance", 0.5)?,
-        },
+        "diffuse" => Material::Diffuse { reflectance: reflectance(b, &props, "reflectance", 0.5)? },
         "roughdiffuse" => {
             props.ignore(&["use_fast_approx"]);
             Material::RoughDiffuse {
@@ -60,11 +81,7 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<Material> {
         },
         "bumpmap" => {
             let scale = props.float_or("scale", 1.0)? as f32;
-            Material::BumpMap {
-                texture: nested_texture(b, &props)?.0,
-                scale,
-                nested: nested(b, &props)?,
-            }
+            Material::BumpMap { texture: nested_texture(b, &props)?.0, scale, nested: nested(b, &props)? }
         }
         "normalmap" => {
             props.ignore(&["flip_invalid_normals", "use_shadowing_function"]);
@@ -77,10 +94,7 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<Material> {
             {
                 b.report.warn(loc, "the normal map is decoded as sRGB; set raw=true on its bitmap");
             }
-            Material::NormalMap {
-                texture,
-                nested: nested(b, &props)?,
-            }
+            Material::NormalMap { texture, nested: nested(b, &props)? }
         }
         "blendbsdf" => blend(b, &props)?,
         "mixturebsdf" => legacy_bsdf::mixture(b, &props)?,
@@ -120,16 +134,8 @@ fn dielectric(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {
             specular_transmittance,
             roughness: roughness(b, props)?,
         },
-        "thindielectric" => Material::ThinDielectric {
-            eta,
-            specular_reflectance,
-            specular_transmittance,
-        },
-        _ => Material::Dielectric {
-            eta,
-            specular_reflectance,
-            specular_transmittance,
-        },
+        "thindielectric" => Material::ThinDielectric { eta, specular_reflectance, specular_transmittance },
+        _ => Material::Dielectric { eta, specular_reflectance, specular_transmittance },
     })
 }
 
@@ -156,17 +162,8 @@ fn conductor(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {
     let (eta, k) = (eta / outside, k / outside);
     let specular_reflectance = reflectance(b, props, "specular_reflectance", 1.0)?;
     Ok(match kind {
-        "roughconductor" => Material::RoughConductor {
-            eta,
-            k,
-            specular_reflectance,
-            roughness: roughness(b, props)?,
-        },
-        _ => Material::Conductor {
-            eta,
-            k,
-            specular_reflectance,
-        },
+        "roughconductor" => Material::RoughConductor { eta, k, specular_reflectance, roughness: roughness(b, props)? },
+        _ => Material::Conductor { eta, k, specular_reflectance },
     })
 }
 
@@ -183,12 +180,7 @@ fn plastic(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {
             nonlinear,
             roughness: roughness(b, props)?,
         },
-        _ => Material::Plastic {
-            eta,
-            diffuse_reflectance,
-            specular_reflectance,
-            nonlinear,
-        },
+        _ => Material::Plastic { eta, diffuse_reflectance, specular_reflectance, nonlinear },
     })
 }
 
@@ -220,11 +212,7 @@ fn roughness(b: &mut Builder, props: &Props) -> Checked<Roughness> {
         Ok(value)
     };
     let (alpha_u, alpha_v) = (alpha(names[0])?, alpha(names[1])?);
-    Ok(Roughness {
-        distribution,
-        alpha_u,
-        alpha_v,
-    })
+    Ok(Roughness { distribution, alpha_u, alpha_v })
 }
 
 /// The one nested material.
@@ -255,10 +243,7 @@ fn two_sided(b: &mut Builder, props: &Props) -> Checked<Material> {
         }
         ids.push(material);
     }
-    Ok(Material::TwoSided {
-        front: ids[0],
-        back: ids[ids.len() - 1],
-    })
+    Ok(Material::TwoSided { front: ids[0], back: ids[ids.len() - 1] })
 }
 
 /// Whether a material lets light through.

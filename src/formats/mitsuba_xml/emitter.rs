@@ -52,19 +52,13 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<()> {
         "point" => point(b, &props)?,
         "spot" => spot(b, &props)?,
         "directional" => directional(b, &props)?,
-        "constant" => LightDesc::Constant {
-            radiance: constant(b, &props, "radiance", 1.0, Usage::Emission)?,
-        },
+        "constant" => LightDesc::Constant { radiance: constant(b, &props, "radiance", 1.0, Usage::Emission)? },
         "envmap" => {
             let scale = constant(b, &props, "scale", 1.0, Usage::Emission)?;
             let to_world = invertible(&props)?;
             props.ignore(&["cache", "gamma", "mis_compensation"]);
             let image = b.image(&props, true)?;
-            LightDesc::EnvMap {
-                image,
-                scale,
-                to_world,
-            }
+            LightDesc::EnvMap { image, scale, to_world }
         }
         "area" => {
             let help = Some("nest it in a <shape>".into());
@@ -98,10 +92,7 @@ fn point(b: &mut Builder, props: &Props) -> Checked<LightDesc> {
         return Err(props.error("position", "give either position or to_world, not both"));
     }
     let moved = transform.map_or(DVec3::ZERO, |m| m.w_axis.truncate());
-    Ok(LightDesc::Point {
-        position: position.unwrap_or(moved),
-        intensity: intensity(b, props, "intensity")?,
-    })
+    Ok(LightDesc::Point { position: position.unwrap_or(moved), intensity: intensity(b, props, "intensity")? })
 }
 
 fn intensity(b: &mut Builder, props: &Props, name: &'static str) -> Checked<Rgb> {
@@ -137,8 +128,5 @@ fn directional(b: &mut Builder, props: &Props) -> Checked<LightDesc> {
     let Some(direction) = (direction / direction.abs().max_element()).try_normalize() else {
         return Err(props.error("direction", "the direction of the light is zero"));
     };
-    Ok(LightDesc::Directional {
-        direction,
-        irradiance: intensity(b, props, "irradiance")?,
-    })
+    Ok(LightDesc::Directional { direction, irradiance: intensity(b, props, "irradiance")? })
 }

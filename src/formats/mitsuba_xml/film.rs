@@ -22,12 +22,7 @@ const FILTERS: [&str; 6] = ["gaussian", "box", "tent", "mitchell", "catmullrom",
 
 /// The film of a scene that says nothing.
 pub fn default() -> FilmDesc {
-    FilmDesc {
-        width: 768,
-        height: 576,
-        crop: [0, 0, 768, 576],
-        filter: PixelFilter::Gaussian { stddev: 0.5 },
-    }
+    FilmDesc { width: 768, height: 576, crop: [0, 0, 768, 576], filter: PixelFilter::Gaussian { stddev: 0.5 } }
 }
 
 /// Reads a film.
@@ -54,7 +49,8 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report) -> Checked<FilmDesc> {
     let inside = |offset: i64, size: i64, full: i64| offset >= 0 && offset.saturating_add(size) <= full;
     for (name, fits) in [("crop_offset_x", inside(x, w, width)), ("crop_offset_y", inside(y, h, height))] {
         if !fits {
-            let message = format!("the crop window {w} x {h} at ({x}, {y}) lies outside of the film {width} x {height}");
+            let message =
+                format!("the crop window {w} x {h} at ({x}, {y}) lies outside of the film {width} x {height}");
             return Err(props.error(name, message));
         }
     }
@@ -65,12 +61,7 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report) -> Checked<FilmDesc> {
     props.finish();
     let crop = [x, y, w, h].map(|v| v as u32);
     let (width, height) = (width as u32, height as u32);
-    Ok(FilmDesc {
-        width,
-        height,
-        crop,
-        filter: filter?,
-    })
+    Ok(FilmDesc { width, height, crop, filter: filter? })
 }
 
 fn filter(tree: &Tree, id: ObjectId, report: &Report) -> Checked<PixelFilter> {
@@ -82,30 +73,19 @@ fn filter(tree: &Tree, id: ObjectId, report: &Report) -> Checked<PixelFilter> {
         Ok(value as f32)
     };
     let filter = match kind {
-        "box" => PixelFilter::Box {
-            radius: positive("radius", 0.5, RADIUS_LIMIT)?,
-        },
-        "tent" => PixelFilter::Tent {
-            radius: positive("radius", 1.0, RADIUS_LIMIT)?,
-        },
-        "gaussian" => PixelFilter::Gaussian {
-            stddev: positive("stddev", 0.5, RADIUS_LIMIT / 4.0)?,
-        },
+        "box" => PixelFilter::Box { radius: positive("radius", 0.5, RADIUS_LIMIT)? },
+        "tent" => PixelFilter::Tent { radius: positive("radius", 1.0, RADIUS_LIMIT)? },
+        "gaussian" => PixelFilter::Gaussian { stddev: positive("stddev", 0.5, RADIUS_LIMIT / 4.0)? },
         "mitchell" => {
             let coefficient = |long: &'static str, short: &'static str| -> Checked<f32> {
                 let value = props.float(long)?.or(props.float(short)?).unwrap_or(1.0 / 3.0);
                 props.check(value.abs() <= 10.0, long, "must lie between -10 and 10")?;
                 Ok(value as f32)
             };
-            PixelFilter::Mitchell {
-                b: coefficient("B", "b")?,
-                c: coefficient("C", "c")?,
-            }
+            PixelFilter::Mitchell { b: coefficient("B", "b")?, c: coefficient("C", "c")? }
         }
         "catmullrom" => PixelFilter::CatmullRom,
-        "lanczos" => PixelFilter::Lanczos {
-            lobes: props.count("lobes", 1, 16)?.unwrap_or(3) as u32,
-        },
+        "lanczos" => PixelFilter::Lanczos { lobes: props.count("lobes", 1, 16)?.unwrap_or(3) as u32 },
         _ => {
             let message = format!("unknown rfilter type \"{kind}\"; taking \"gaussian\"");
             report.unknown(props.object.kind_loc, message, suggestion(kind, FILTERS));

@@ -12,8 +12,28 @@ use crate::scene::description::{IntegratorDesc, PhotonDesc};
 const PHOTON: [&str; 5] = ["photonmapper", "ppm", "sppm", "photon", "many-light"];
 /// Other integrators that are seen in files.
 const OTHERS: [&str; 22] = [
-    "path", "direct", "volpath", "volpathmis", "volpath_simple", "prb", "ptracer", "particle", "depth", "bdpt", "vpl",
-    "vcm", "upm", "ptracer", "mlt", "pssmlt", "erpt", "guided_path", "ao", "field", "multichannel", "dppm",
+    "path",
+    "direct",
+    "volpath",
+    "volpathmis",
+    "volpath_simple",
+    "prb",
+    "ptracer",
+    "particle",
+    "depth",
+    "bdpt",
+    "vpl",
+    "vcm",
+    "upm",
+    "ptracer",
+    "mlt",
+    "pssmlt",
+    "erpt",
+    "guided_path",
+    "ao",
+    "field",
+    "multichannel",
+    "dppm",
 ];
 /// Integrators around another one, which counts.
 const WRAPPERS: [&str; 6] = ["aov", "adaptive", "irrcache", "moment", "stokes", "motion"];
@@ -34,7 +54,11 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report, depth: usize) -> Checked
             return Err(report.error(props.object.loc, "integrators are nested too deep"));
         }
         if name != "aov" && name != "moment" {
-            report.unknown(props.object.kind_loc, format!("integrator type \"{name}\" is not supported; skipped"), None);
+            report.unknown(
+                props.object.kind_loc,
+                format!("integrator type \"{name}\" is not supported; skipped"),
+                None,
+            );
         }
         return match nested.first() {
             Some(&(inner, _)) => read(tree, inner, report, depth + 1),

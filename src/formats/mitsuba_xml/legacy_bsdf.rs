@@ -66,10 +66,7 @@ pub fn glossy(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {
         (alpha.clone(), alpha)
     } else {
         props.ignore(&["variant"]);
-        (
-            scalar(b, props, "alpha_u", 0.1, Usage::Constant)?,
-            scalar(b, props, "alpha_v", 0.1, Usage::Constant)?,
-        )
+        (scalar(b, props, "alpha_u", 0.1, Usage::Constant)?, scalar(b, props, "alpha_v", 0.1, Usage::Constant)?)
     };
     let message = format!("bsdf type \"{kind}\" is approximated by a Beckmann lobe");
     b.report.warn(props.object.kind_loc, message);
@@ -92,23 +89,10 @@ pub fn glossy(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {
     let reflectance = scaled(b, diffuse, 1.0 - weight);
     let specular_reflectance = scaled(b, specular, weight);
     let first = b.add_material(Material::Diffuse { reflectance });
-    let roughness = Roughness {
-        distribution: Distribution::Beckmann,
-        alpha_u,
-        alpha_v,
-    };
-    let second = b.add_material(Material::RoughConductor {
-        eta: Rgb::ZERO,
-        k: Rgb::ONE,
-        specular_reflectance,
-        roughness,
-    });
-    Ok(Material::Blend {
-        weight: Scalar::Constant(weight),
-        first,
-        second,
-        absorbed: 0.0,
-    })
+    let roughness = Roughness { distribution: Distribution::Beckmann, alpha_u, alpha_v };
+    let second =
+        b.add_material(Material::RoughConductor { eta: Rgb::ZERO, k: Rgb::ONE, specular_reflectance, roughness });
+    Ok(Material::Blend { weight: Scalar::Constant(weight), first, second, absorbed: 0.0 })
 }
 
 /// A colour divided by the weight of its lobe (black where that is 0).
@@ -116,9 +100,8 @@ fn scaled(b: &mut Builder, color: Color, weight: f32) -> Color {
     let factor = if weight > 0.0 { 1.0 / weight } else { 0.0 };
     match color {
         Color::Constant(c) => Color::Constant(c * factor),
-        Color::Texture(texture) => Color::Texture(b.add_texture(Texture::Scale {
-            texture,
-            factor: Rgb::splat(factor),
-        })),
+        Color::Texture(texture) => {
+            Color::Texture(b.add_texture(Texture::Scale { texture, factor: Rgb::splat(factor) }))
+        }
     }
 }

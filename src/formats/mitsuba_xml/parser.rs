@@ -21,11 +21,32 @@ const INCLUDE_LIMIT: usize = 1000;
 const NODE_LIMIT: u32 = 16 << 20;
 
 const OBJECTS: [&str; 13] = [
-    "integrator", "sensor", "film", "sampler", "rfilter", "bsdf", "texture", "emitter", "shape", "medium", "phase",
-    "volume", "subsurface",
+    "integrator",
+    "sensor",
+    "film",
+    "sampler",
+    "rfilter",
+    "bsdf",
+    "texture",
+    "emitter",
+    "shape",
+    "medium",
+    "phase",
+    "volume",
+    "subsurface",
 ];
 const PROPERTIES: [&str; 12] = [
-    "integer", "float", "boolean", "string", "point", "vector", "rgb", "srgb", "spectrum", "transform", "ref",
+    "integer",
+    "float",
+    "boolean",
+    "string",
+    "point",
+    "vector",
+    "rgb",
+    "srgb",
+    "spectrum",
+    "transform",
+    "ref",
     "blackbody",
 ];
 const COMMANDS: [&str; 4] = ["default", "include", "alias", "path"];
@@ -53,10 +74,7 @@ pub fn parse(path: &Path, text: Rc<str>, defines: &[(String, String)], report: &
     let mut parser = Parser {
         report,
         params: Params::new(defines),
-        tree: Tree {
-            folders: vec![folder],
-            ..Tree::default()
-        },
+        tree: Tree { folders: vec![folder], ..Tree::default() },
         open: vec![path.to_path_buf()],
         included: 0,
     };
@@ -81,11 +99,9 @@ pub fn parse(path: &Path, text: Rc<str>, defines: &[(String, String)], report: &
 impl Parser<'_> {
     /// Reads one file into the object `parent`; `name` replaces the name of an only object in it.
     fn file(&mut self, source: u32, text: &str, parent: ObjectId, name: Option<String>) -> Checked<()> {
-        let options = roxmltree::ParsingOptions {
-            nodes_limit: NODE_LIMIT,
-            ..roxmltree::ParsingOptions::default()
-        };
-        let document = roxmltree::Document::parse_with_options(text, options).map_err(|e| self.xml_error(source, text, &e))?;
+        let options = roxmltree::ParsingOptions { nodes_limit: NODE_LIMIT, ..roxmltree::ParsingOptions::default() };
+        let document =
+            roxmltree::Document::parse_with_options(text, options).map_err(|e| self.xml_error(source, text, &e))?;
         let root = document.root_element();
         let loc = tag_loc(source, root);
         if parent == 0 && self.open.len() == 1 {
@@ -125,7 +141,8 @@ impl Parser<'_> {
         if self.open.len() == 1 {
             self.tree.objects[0].legacy = legacy;
         }
-        let only = root.children().filter(Node::is_element).filter(|n| OBJECTS.contains(&n.tag_name().name())).count() == 1;
+        let only =
+            root.children().filter(Node::is_element).filter(|n| OBJECTS.contains(&n.tag_name().name())).count() == 1;
         self.children(root, file, parent, self.open.len(), name.filter(|_| only));
         Ok(())
     }
@@ -239,7 +256,15 @@ impl Parser<'_> {
         upgrade::property(&object.tag, &object.kind, upgrade::snake_case(written))
     }
 
-    fn object(&mut self, node: Node, attrs: &Attrs, file: File, parent: ObjectId, depth: usize, name: Option<String>) -> Checked<()> {
+    fn object(
+        &mut self,
+        node: Node,
+        attrs: &Attrs,
+        file: File,
+        parent: ObjectId,
+        depth: usize,
+        name: Option<String>,
+    ) -> Checked<()> {
         let tag = node.tag_name().name();
         let kind = attrs.need("type", self.report)?;
         let id = attrs.get("id").map(|a| (a.value.clone(), a.loc));

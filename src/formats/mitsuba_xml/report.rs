@@ -51,10 +51,7 @@ pub struct Report {
 impl Report {
     /// An empty report; `strict` turns what [`Report::unknown`] gets into errors.
     pub fn new(strict: bool) -> Self {
-        Self {
-            strict,
-            ..Self::default()
-        }
+        Self { strict, ..Self::default() }
     }
 
     /// Adds a file and returns its index.

@@ -61,18 +61,8 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report) -> Checked<Sensor> {
     props.ignore(&["focus_distance", "shutter_open", "shutter_close", "kc", "srf"]);
     props.finish();
     let (sample_count, seed) = sampler.unwrap_or(Ok((None, 0)))?;
-    let camera = CameraDesc {
-        to_world,
-        projection,
-        near_clip,
-        far_clip,
-    };
-    Ok(Sensor {
-        camera,
-        film,
-        sample_count,
-        seed,
-    })
+    let camera = CameraDesc { to_world, projection, near_clip, far_clip };
+    Ok(Sensor { camera, film, sample_count, seed })
 }
 
 fn perspective(props: &Props, film: &FilmDesc, lens: bool, far_clip: f64) -> Checked<Projection> {
@@ -91,12 +81,7 @@ fn perspective(props: &Props, film: &FilmDesc, lens: bool, far_clip: f64) -> Che
         focus_distance = props.float_or("focus_distance", far_clip)?;
         props.check(focus_distance > 0.0, "focus_distance", "must be above 0")?;
     }
-    Ok(Projection::Perspective {
-        x_fov,
-        principal_point_offset,
-        aperture_radius,
-        focus_distance,
-    })
+    Ok(Projection::Perspective { x_fov, principal_point_offset, aperture_radius, focus_distance })
 }
 
 /// Horizontal field of view of the full film, radians.

@@ -13,9 +13,8 @@ use crate::math::{DMat4, DVec3};
 use crate::scene::description::{GeometryDesc, ShapeDesc};
 use crate::scene::mesh::MeshData;
 
-const SHAPES: [&str; 10] = [
-    "rectangle", "cube", "sphere", "disk", "cylinder", "obj", "ply", "serialized", "shapegroup", "instance",
-];
+const SHAPES: [&str; 10] =
+    ["rectangle", "cube", "sphere", "disk", "cylinder", "obj", "ply", "serialized", "shapegroup", "instance"];
 
 /// Most shapes that instances may make.
 const SHAPE_LIMIT: usize = 1 << 20;
@@ -102,14 +101,7 @@ fn single(b: &mut Builder, props: &Props, number: usize, outer: DMat4) -> Checke
         b.pending.push(PendingMesh { shape, file, face_normals, max_smooth_angle });
     }
     let name = props.object.id.clone().unwrap_or_else(|| format!("shape {number} ({kind})"));
-    b.shapes.push(ShapeDesc {
-        name,
-        geometry,
-        to_world,
-        flip_normals,
-        material,
-        emission,
-    });
+    b.shapes.push(ShapeDesc { name, geometry, to_world, flip_normals, material, emission });
     Ok(())
 }
 

@@ -52,11 +52,7 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<Texture> {
 
 /// A colour as a texture: a checkerboard of one colour.
 fn constant_texture(value: Rgb) -> Texture {
-    Texture::Checkerboard {
-        color0: Color::Constant(value),
-        color1: Color::Constant(value),
-        to_uv: Affine2::IDENTITY,
-    }
+    Texture::Checkerboard { color0: Color::Constant(value), color1: Color::Constant(value), to_uv: Affine2::IDENTITY }
 }
 
 /// A colour as a texture.
@@ -104,12 +100,7 @@ fn bitmap(b: &mut Builder, props: &Props) -> Checked<Texture> {
     props.ignore(&["max_anisotropy", "cache", "format", "accel"]);
     let to_uv = to_uv(props)?;
     let image = b.image(props, !raw && gamma != Some(1.0))?;
-    Ok(Texture::Bitmap {
-        image,
-        filter,
-        wrap,
-        to_uv,
-    })
+    Ok(Texture::Bitmap { image, filter, wrap, to_uv })
 }
 
 /// `to_uv`, or the legacy offsets and scales (the offset is applied first).
@@ -169,7 +160,9 @@ fn legal(b: &Builder, value: [f64; 3], loc: Loc, name: &str, usage: Usage) -> [f
 pub fn constant(b: &mut Builder, props: &Props, name: &'static str, default: f64, usage: Usage) -> Checked<Rgb> {
     match color(b, props, name, default, usage)? {
         Color::Constant(value) => Ok(value),
-        Color::Texture(_) => Err(props.error(name, format!("a texture is not supported for {name} of {}", props.title()))),
+        Color::Texture(_) => {
+            Err(props.error(name, format!("a texture is not supported for {name} of {}", props.title())))
+        }
     }
 }
 

@@ -34,11 +34,8 @@ pub fn version(text: &str) -> Result<[u32; 3], String> {
 }
 
 /// Plugins that were renamed: (tag, old, new).
-const RENAMED: [(&str, &str, &str); 3] = [
-    ("bsdf", "bump", "bumpmap"),
-    ("film", "exrfilm", "hdrfilm"),
-    ("film", "pngfilm", "ldrfilm"),
-];
+const RENAMED: [(&str, &str, &str); 3] =
+    [("bsdf", "bump", "bumpmap"), ("film", "exrfilm", "hdrfilm"), ("film", "pngfilm", "ldrfilm")];
 
 /// Today's name of a plugin.
 pub fn plugin(tag: &str, kind: &str) -> String {

@@ -79,9 +79,9 @@ pub fn spectrum(text: &str) -> Result<Result<Spectrum, [f64; 3]>, String> {
     if text.contains(':') {
         let mut list = Vec::new();
         for pair in words(text) {
-            let (nm, value) = pair.split_once(':').ok_or_else(|| {
-                format!("expected \"wavelength:value\", got \"{}\"", brief(pair))
-            })?;
+            let (nm, value) = pair
+                .split_once(':')
+                .ok_or_else(|| format!("expected \"wavelength:value\", got \"{}\"", brief(pair)))?;
             push_sample(&mut list, number(nm)?, number(value)?)?;
         }
         return Ok(Ok(Spectrum::List(list)));

@@ -116,16 +116,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header, Located> {
     let mut start = 0;
     let mut first = true;
     while start < bytes.len() {
-        let end = start
-            + bytes[start..]
-                .iter()
-                .position(|&b| b == b'\n')
-                .unwrap_or(bytes.len() - start);
-        let words: Vec<&[u8]> = bytes[start..end]
-            .split(u8::is_ascii_whitespace)
-            .filter(|w| !w.is_empty())
-            .take(6)
-            .collect();
+        let end = start + bytes[start..].iter().position(|&b| b == b'\n').unwrap_or(bytes.len() - start);
+        let words: Vec<&[u8]> =
+            bytes[start..end].split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()).take(6).collect();
         let error = |message: String| (line_of(bytes, start), message);
         if first {
             if words.as_slice() != [b"ply"] {
@@ -148,21 +141,14 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header, Located> {
                     let encoding = encoding.ok_or_else(|| error("the header has no `format` line".into()))?;
                     check(&elements).map_err(error)?;
                     let end = (end + 1).min(bytes.len());
-                    return Ok(Header {
-                        encoding,
-                        elements,
-                        end,
-                    });
+                    return Ok(Header { encoding, elements, end });
                 }
                 [word, ..] => return Err(error(format!("{} has no meaning in a PLY header", quote(word)))),
             }
         }
         start = end + 1;
     }
-    Err((
-        line_of(bytes, bytes.len()),
-        "the header has no `end_header` line".into(),
-    ))
+    Err((line_of(bytes, bytes.len()), "the header has no `end_header` line".into()))
 }
 
 fn format(name: &[u8]) -> Result<Encoding, String> {
@@ -170,10 +156,7 @@ fn format(name: &[u8]) -> Result<Encoding, String> {
         b"ascii" => Ok(Encoding::Ascii),
         b"binary_little_endian" => Ok(Encoding::LittleEndian),
         b"binary_big_endian" => Ok(Encoding::BigEndian),
-        _ => Err(format!(
-            "format {} is none of ascii, binary_little_endian, binary_big_endian",
-            quote(name)
-        )),
+        _ => Err(format!("format {} is none of ascii, binary_little_endian, binary_big_endian", quote(name))),
     }
 }
 
@@ -184,11 +167,7 @@ fn element(name: &[u8], count: &[u8], before: &[Element]) -> Result<Element, Str
     }
     let parsed = std::str::from_utf8(count).ok().and_then(|c| c.parse::<usize>().ok());
     let count = parsed.ok_or_else(|| format!("{} is no count of elements", quote(count)))?;
-    Ok(Element {
-        name,
-        count,
-        properties: Vec::new(),
-    })
+    Ok(Element { name, count, properties: Vec::new() })
 }
 
 /// `words` are what follows `property`.
@@ -218,18 +197,12 @@ fn property(words: &[&[u8]], element: &Element) -> Result<Property, String> {
     };
     // The first property of a meaning counts.
     let taken = slot.is_some() && element.properties.iter().any(|p| p.slot == slot);
-    Ok(Property {
-        kind,
-        slot: slot.filter(|_| !taken),
-    })
+    Ok(Property { kind, slot: slot.filter(|_| !taken) })
 }
 
 /// What a mesh needs.
 fn check(elements: &[Element]) -> Result<(), String> {
-    let vertex = elements
-        .iter()
-        .find(|e| e.name == "vertex")
-        .ok_or("the file has no element `vertex`")?;
+    let vertex = elements.iter().find(|e| e.name == "vertex").ok_or("the file has no element `vertex`")?;
     for (slot, axis) in ["x", "y", "z"].iter().enumerate() {
         if !vertex.properties.iter().any(|p| p.slot == Some(slot)) {
             return Err(format!("the element `vertex` has no property `{axis}`"));

@@ -87,10 +87,7 @@ fn plain_files_carriage_returns_and_other_names_work() {
     // Faces may come before vertices.
     let text = "ply\nformat ascii 1.0\nelement face 1\nproperty list char short vertex_indices\nelement vertex 3\n\
         property int x\nproperty int y\nproperty int z\nend_header\n3 2 1 0\n0 0 0 1 0 0 0 1 0\n";
-    assert_eq!(
-        parse(text.as_bytes(), false).expect("a good file").triangles,
-        [[2, 1, 0]]
-    );
+    assert_eq!(parse(text.as_bytes(), false).expect("a good file").triangles, [[2, 1, 0]]);
 }
 
 fn error(bytes: &[u8]) -> String {
@@ -142,12 +139,7 @@ fn damaged_files_never_panic() {
         for seed in 0..1500 {
             match parse(&mutate(good, seed + 10_000 * flavour as u64), true) {
                 Ok(mesh) => {
-                    assert!(
-                        mesh.triangles
-                            .iter()
-                            .flatten()
-                            .all(|&i| (i as usize) < mesh.positions.len())
-                    );
+                    assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < mesh.positions.len()));
                     assert!(mesh.normals.is_empty() || mesh.normals.len() == mesh.positions.len());
                 }
                 Err((_, message)) => {

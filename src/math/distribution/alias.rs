@@ -27,11 +27,7 @@ impl AliasTable {
         let largest = weights.iter().fold(0.0, |m: f64, &w| m.max(clean(w)));
         let sum: f64 = weights.iter().map(|&w| clean(w) / largest).sum();
         let p = |i: usize| {
-            if largest > 0.0 {
-                clean(weights[i]) / largest / sum
-            } else {
-                1.0 / n as f64
-            }
+            if largest > 0.0 { clean(weights[i]) / largest / sum } else { 1.0 / n as f64 }
         };
         // Expected share of the n bins per entry: those below 1 are filled up by those above.
         let mut share: Vec<f64> = (0..n).map(|i| p(i) * n as f64).collect();
@@ -39,10 +35,7 @@ impl AliasTable {
         let mut bins: Vec<Bin> = (0..n as u32).map(|alias| Bin { accept: 1.0, alias }).collect();
         while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
             small.pop();
-            bins[s as usize] = Bin {
-                accept: share[s as usize] as f32,
-                alias: l,
-            };
+            bins[s as usize] = Bin { accept: share[s as usize] as f32, alias: l };
             share[l as usize] -= 1.0 - share[s as usize];
             if share[l as usize] < 1.0 {
                 large.pop();
@@ -50,10 +43,7 @@ impl AliasTable {
             }
         }
         // What rounding has left over in either list holds a share of 1 and keeps its bin to itself.
-        AliasTable {
-            bins,
-            pmf: (0..n).map(|i| p(i) as f32).collect(),
-        }
+        AliasTable { bins, pmf: (0..n).map(|i| p(i) as f32).collect() }
     }
 
     /// Number of entries.

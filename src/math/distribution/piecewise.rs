@@ -116,9 +116,8 @@ impl Piecewise2 {
         assert!(width > 0 && !values.is_empty() && values.len().is_multiple_of(width));
         let height = values.len() / width;
         let mut rows = vec![0.0; (width + 1) * height];
-        let sums: Vec<f64> = (values.chunks(width).zip(rows.chunks_mut(width + 1)))
-            .map(|(row, cdf)| fill_cdf(row, cdf))
-            .collect();
+        let sums: Vec<f64> =
+            (values.chunks(width).zip(rows.chunks_mut(width + 1))).map(|(row, cdf)| fill_cdf(row, cdf)).collect();
         // Sums relative to the largest: they may exceed f32.
         let largest = sums.iter().fold(f64::MIN_POSITIVE, |m, &s| m.max(s));
         let relative: Vec<f32> = sums.iter().map(|s| (s / largest) as f32).collect();
@@ -159,31 +158,20 @@ impl Piecewise2 {
     pub fn sample_cell(&self, u: Vec2) -> Cell {
         let (y, fy) = self.marginal.sample_cell(u.y);
         let (x, fx) = find(self.row(y), u.x);
-        Cell {
-            x,
-            y,
-            inside: Vec2::new(fx, fy),
-            pmf: self.pmf(x, y),
-        }
+        Cell { x, y, inside: Vec2::new(fx, fy), pmf: self.pmf(x, y) }
     }
 
     /// The numbers that [`Self::sample_cell`] turns into the position `inside` of the cell (x, y).
     pub fn invert_cell(&self, x: usize, y: usize, inside: Vec2) -> Vec2 {
         let row = self.row(y);
-        Vec2::new(
-            row[x] + inside.x * (row[x + 1] - row[x]),
-            self.marginal.cdf[y] + inside.y * self.marginal.pmf(y),
-        )
+        Vec2::new(row[x] + inside.x * (row[x + 1] - row[x]), self.marginal.cdf[y] + inside.y * self.marginal.pmf(y))
     }
 
     /// Position in [0, 1)^2 and its density.
     pub fn sample(&self, u: Vec2) -> (Vec2, f32) {
         let c = self.sample_cell(u);
         let size = Vec2::new(self.width as f32, self.height() as f32);
-        (
-            (Vec2::new(c.x as f32, c.y as f32) + c.inside) / size,
-            c.pmf * size.x * size.y,
-        )
+        ((Vec2::new(c.x as f32, c.y as f32) + c.inside) / size, c.pmf * size.x * size.y)
     }
 
     /// Density at `p`.

@@ -55,14 +55,7 @@ impl SphericalRectangle {
         let (x, y) = ([cx - lx, cx + lx], [cy - ly, cy + ly]);
         let (solid_angle, g23) = solid_angle(x, y, z);
         let norm = (g23[0] * g23[0] + g23[1] * g23[1]).sqrt();
-        Some(SphericalRectangle {
-            axes: [ax, ay, az],
-            x,
-            y,
-            z,
-            solid_angle,
-            start: [g23[0] / norm, -g23[1] / norm],
-        })
+        Some(SphericalRectangle { axes: [ax, ay, az], x, y, z, solid_angle, start: [g23[0] / norm, -g23[1] / norm] })
     }
 
     /// Solid angle, in [0, 2 pi].
@@ -103,9 +96,6 @@ impl SphericalRectangle {
         let height = |y: f64| y / (d2 + y * y).sqrt();
         let (h0, h1) = (height(self.y[0]), height(self.y[1]));
         let part = solid_angle([self.x[0], x], self.y, self.z).0;
-        [
-            (part / self.solid_angle).clamp(0.0, 1.0),
-            ((height(y) - h0) / (h1 - h0)).clamp(0.0, 1.0),
-        ]
+        [(part / self.solid_angle).clamp(0.0, 1.0), ((height(y) - h0) / (h1 - h0)).clamp(0.0, 1.0)]
     }
 }

@@ -48,16 +48,7 @@ impl SphericalTriangle {
         let (a, b, c) = (a * inv_len.x, b * inv_len.y, c * inv_len.z);
         let (along, half) = (c.dot(a + b), 1.0 + a.dot(b));
         let solid_angle = 2.0 * det.atan2(half + along);
-        det.is_finite().then_some(SphericalTriangle {
-            a,
-            b,
-            c,
-            inv_len,
-            det,
-            along,
-            half,
-            solid_angle,
-        })
+        det.is_finite().then_some(SphericalTriangle { a, b, c, inv_len, det, along, half, solid_angle })
     }
 
     /// Solid angle, in [0, 2 pi].
@@ -85,11 +76,7 @@ impl SphericalTriangle {
         let s = (1.0 - u[1] * m - t * (1.0 - m)).max(0.0);
         let weights = DVec3::new(t * ca, s, t * cc) * self.inv_len;
         let scale = 1.0 / weights.element_sum();
-        TrianglePoint {
-            dir: (self.b * s + end * t).normalize(),
-            distance: scale,
-            barycentric: weights * scale,
-        }
+        TrianglePoint { dir: (self.b * s + end * t).normalize(), distance: scale, barycentric: weights * scale }
     }
 
     /// The numbers that [`Self::sample`] turns into the unit direction `dir`, which must meet the triangle.

@@ -42,11 +42,7 @@ impl OrenNayar {
     pub fn new(reflectance: Rgb, alpha: f32) -> Self {
         let sigma = alpha.max(0.0).min(1e3) / SQRT_2;
         let sigma2 = sigma * sigma;
-        OrenNayar {
-            reflectance,
-            a: 1.0 - 0.5 * sigma2 / (sigma2 + 0.33),
-            b: 0.45 * sigma2 / (sigma2 + 0.09),
-        }
+        OrenNayar { reflectance, a: 1.0 - 0.5 * sigma2 / (sigma2 + 0.33), b: 0.45 * sigma2 / (sigma2 + 0.09) }
     }
 
     /// f cos and pdf.
@@ -75,10 +71,7 @@ fn concentric_disk(u: Vec2) -> Vec2 {
     if p == Vec2::ZERO {
         return p;
     }
-    let (r, phi) = if p.x.abs() > p.y.abs() {
-        (p.x, FRAC_PI_4 * (p.y / p.x))
-    } else {
-        (p.y, FRAC_PI_2 - FRAC_PI_4 * (p.x / p.y))
-    };
+    let (r, phi) =
+        if p.x.abs() > p.y.abs() { (p.x, FRAC_PI_4 * (p.y / p.x)) } else { (p.y, FRAC_PI_2 - FRAC_PI_4 * (p.x / p.y)) };
     Vec2::new(r * phi.cos(), r * phi.sin())
 }

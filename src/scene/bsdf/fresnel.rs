@@ -83,10 +83,7 @@ mod tests {
         assert_eq!(dielectric(0.5, 1.0 / 1.5), (1.0, 0.0));
         assert_eq!(dielectric(0.0, 1.5).0, 1.0);
         for cos in [0.0, 0.1, 0.7, 1.0] {
-            assert!(
-                (conductor(cos, Rgb::ZERO, Rgb::ONE) - Rgb::ONE).length() < 1e-5,
-                "a perfect mirror"
-            );
+            assert!((conductor(cos, Rgb::ZERO, Rgb::ONE) - Rgb::ONE).length() < 1e-5, "a perfect mirror");
         }
     }
 

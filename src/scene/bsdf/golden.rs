@@ -19,47 +19,24 @@ fn diffuse(x: f32) -> Material {
 }
 
 fn rough(distribution: Distribution, alpha_u: f32, alpha_v: f32) -> Roughness {
-    Roughness {
-        distribution,
-        alpha_u: Scalar::Constant(alpha_u),
-        alpha_v: Scalar::Constant(alpha_v),
-    }
+    Roughness { distribution, alpha_u: Scalar::Constant(alpha_u), alpha_v: Scalar::Constant(alpha_v) }
 }
 
 fn metal(roughness: Roughness) -> Material {
-    Material::RoughConductor {
-        eta: ETA,
-        k: K,
-        specular_reflectance: grey(1.0),
-        roughness,
-    }
+    Material::RoughConductor { eta: ETA, k: K, specular_reflectance: grey(1.0), roughness }
 }
 
 fn glass(eta: f32, roughness: Roughness) -> Material {
-    Material::RoughDielectric {
-        eta,
-        specular_reflectance: grey(1.0),
-        specular_transmittance: grey(1.0),
-        roughness,
-    }
+    Material::RoughDielectric { eta, specular_reflectance: grey(1.0), specular_transmittance: grey(1.0), roughness }
 }
 
 fn plastic(eta: f32, diffuse: f32, specular: f32, nonlinear: bool, roughness: Option<Roughness>) -> Material {
     let (diffuse_reflectance, specular_reflectance) = (grey(diffuse), grey(specular));
     match roughness {
-        None => Material::Plastic {
-            eta,
-            diffuse_reflectance,
-            specular_reflectance,
-            nonlinear,
-        },
-        Some(roughness) => Material::RoughPlastic {
-            eta,
-            diffuse_reflectance,
-            specular_reflectance,
-            nonlinear,
-            roughness,
-        },
+        None => Material::Plastic { eta, diffuse_reflectance, specular_reflectance, nonlinear },
+        Some(roughness) => {
+            Material::RoughPlastic { eta, diffuse_reflectance, specular_reflectance, nonlinear, roughness }
+        }
     }
 }
 
@@ -90,32 +67,14 @@ fn tilted() -> SurfacePoint {
 
 /// Texture 0: a colourful picture of 3 x 2 texels. Texture 1: the tangent-space normal (0.5, -0.3, 0.6) everywhere.
 fn textures() -> ([Texture; 2], [Bitmap; 2]) {
-    let texture = |image| Texture::Bitmap {
-        image,
-        filter: TexFilter::Bilinear,
-        wrap: Wrap::Repeat,
-        to_uv: Affine2::IDENTITY,
-    };
-    let picture = [
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-        [0.2, 0.4, 0.6],
-        [0.9, 0.1, 0.3],
-        [0.5, 0.5, 0.0],
-    ];
+    let texture =
+        |image| Texture::Bitmap { image, filter: TexFilter::Bilinear, wrap: Wrap::Repeat, to_uv: Affine2::IDENTITY };
+    let picture =
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.2, 0.4, 0.6], [0.9, 0.1, 0.3], [0.5, 0.5, 0.0]];
     let normal = 0.5 * (Vec3::new(0.5, -0.3, 0.6).normalize() + Vec3::ONE);
     let images = [
-        Bitmap {
-            width: 3,
-            height: 2,
-            pixels: picture.iter().map(|&c| Rgb::from(c)).collect(),
-        },
-        Bitmap {
-            width: 1,
-            height: 1,
-            pixels: vec![normal],
-        },
+        Bitmap { width: 3, height: 2, pixels: picture.iter().map(|&c| Rgb::from(c)).collect() },
+        Bitmap { width: 1, height: 1, pixels: vec![normal] },
     ];
     ([texture(0), texture(1)], images)
 }
@@ -124,10 +83,7 @@ fn textures() -> ([Texture; 2], [Bitmap; 2]) {
 /// the last one.
 fn deviation(materials: &[Material], at: &SurfacePoint, table: &[[f32; 2]; 20]) -> (f32, f32) {
     let (textures, images) = textures();
-    let t = Textures {
-        textures: &textures,
-        images: &images,
-    };
+    let t = Textures { textures: &textures, images: &images };
     let (mut worst_f, mut worst_pdf) = (0f32, 0f32);
     for ((wo, wi), &[f, pdf]) in PAIRS.iter().zip(table) {
         let (wo, wi) = (Vec3::from(*wo).normalize(), Vec3::from(*wi).normalize());
@@ -167,10 +123,7 @@ fn metals_agree() {
 #[test]
 fn rough_glass_agrees() {
     agrees(glass(1.5, rough(Distribution::Ggx, 0.4, 0.4)), &GGX_GLASS);
-    agrees_beckmann(
-        glass(1.0 / 1.33, rough(Distribution::Beckmann, 0.3, 0.3)),
-        &BECKMANN_GLASS,
-    );
+    agrees_beckmann(glass(1.0 / 1.33, rough(Distribution::Beckmann, 0.3, 0.3)), &BECKMANN_GLASS);
 }
 
 #[test]
@@ -197,18 +150,10 @@ fn nesting_agrees() {
     let two_sided = Material::TwoSided { front: 0, back: 1 };
     let (f, pdf) = deviation(&[diffuse(0.2), ggx(0.2, 0.5), two_sided], &flat(), &TWOSIDED);
     assert!(f < 2e-4 && pdf < 2e-4, "{f} {pdf}");
-    let blend = Material::Blend {
-        weight: Scalar::Constant(0.3),
-        first: 0,
-        second: 1,
-        absorbed: 0.0,
-    };
+    let blend = Material::Blend { weight: Scalar::Constant(0.3), first: 0, second: 1, absorbed: 0.0 };
     let (f, _) = deviation(&[diffuse(0.2), ggx(0.3, 0.3), blend], &flat(), &BLEND);
     assert!(f < 2e-4, "{f}");
-    let mask = Material::Mask {
-        opacity: Scalar::Constant(0.3),
-        nested: 0,
-    };
+    let mask = Material::Mask { opacity: Scalar::Constant(0.3), nested: 0 };
     let (f, _) = deviation(&[diffuse(0.5), mask], &flat(), &MASK);
     assert!(f < 2e-4, "{f}");
 }
@@ -219,11 +164,7 @@ fn maps_of_normals_agree() {
     let isotropic = || metal(rough(Distribution::Ggx, 0.3, 0.3));
     let ggx = || metal(rough(Distribution::Ggx, 0.2, 0.5));
     let normal_map = || Material::NormalMap { texture: 1, nested: 0 };
-    let bump_map = || Material::BumpMap {
-        texture: 0,
-        scale: 0.4,
-        nested: 0,
-    };
+    let bump_map = || Material::BumpMap { texture: 0, scale: 0.4, nested: 0 };
     let two_sided = || Material::TwoSided { front: 1, back: 1 };
     for (materials, table) in [
         (vec![ggx(), normal_map()], &NORMAL_MAP),
@@ -239,21 +180,10 @@ fn maps_of_normals_agree() {
 /// (wo, wi, value = weight times probability, eta) of the first and the last sample.
 #[test]
 fn dirac_samples_agree() {
-    let metal = Material::Conductor {
-        eta: ETA,
-        k: K,
-        specular_reflectance: grey(1.0),
-    };
-    let glass = Material::Dielectric {
-        eta: 1.5,
-        specular_reflectance: grey(0.9),
-        specular_transmittance: grey(0.7),
-    };
-    let pane = Material::ThinDielectric {
-        eta: 1.5,
-        specular_reflectance: grey(1.0),
-        specular_transmittance: grey(1.0),
-    };
+    let metal = Material::Conductor { eta: ETA, k: K, specular_reflectance: grey(1.0) };
+    let glass = Material::Dielectric { eta: 1.5, specular_reflectance: grey(0.9), specular_transmittance: grey(0.7) };
+    let pane =
+        Material::ThinDielectric { eta: 1.5, specular_reflectance: grey(1.0), specular_transmittance: grey(1.0) };
     let plastic = plastic(1.5, 0.6, 0.8, false, None);
     #[rustfmt::skip]
     let golden = [
@@ -274,16 +204,11 @@ fn dirac_samples_agree() {
         (&plastic, [0.3, 0.1, 0.9], 0.0, [-0.31449, -0.10483, 0.94346], [0.03219; 3], 1.0),
         (&plastic, [0.9, 0.1, 0.3], 0.0, [-0.94346, -0.10483, 0.31449], [0.1553; 3], 1.0),
     ];
-    let none = Textures {
-        textures: &[],
-        images: &[],
-    };
+    let none = Textures { textures: &[], images: &[] };
     for (material, wo, u, wi, value, eta) in golden {
         let wo = Vec3::from(wo).normalize();
         let bsdf = Bsdf::new(std::slice::from_ref(material), 0, none, &flat(), wo);
-        let s = bsdf
-            .sample(wo, u, Vec2::splat(0.5), Transport::Radiance)
-            .expect("a sample");
+        let s = bsdf.sample(wo, u, Vec2::splat(0.5), Transport::Radiance).expect("a sample");
         assert!((s.wi - Vec3::from(wi)).length() < 2e-5, "{material:?}: {}", s.wi);
         assert!((s.eta - eta).abs() < 1e-5 && s.pdf_dir == 0.0 && s.lobe == LobeKind::Specular);
         // The probability of the lobe is how much of u_lobe leads to its direction.
@@ -301,10 +226,7 @@ fn dirac_samples_agree() {
     for material in [metal, plastic] {
         let wo = Vec3::new(0.3, 0.1, -0.9).normalize();
         let bsdf = Bsdf::new(&[material], 0, none, &flat(), wo);
-        assert!(
-            bsdf.sample(wo, 0.0, Vec2::splat(0.5), Transport::Radiance).is_none(),
-            "black behind"
-        );
+        assert!(bsdf.sample(wo, 0.0, Vec2::splat(0.5), Transport::Radiance).is_none(), "black behind");
     }
 }
 

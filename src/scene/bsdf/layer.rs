@@ -31,10 +31,7 @@ impl Perturbation {
     /// From the normals before and after, on the side of the layer's frame.
     pub fn new(before: Vec3, after: Vec3) -> Self {
         let tan2 = tan2(before.dot(after));
-        Perturbation {
-            n: before,
-            alpha2: (0.125 * tan2).min(1.0),
-        }
+        Perturbation { n: before, alpha2: (0.125 * tan2).min(1.0) }
     }
 
     /// Factor on light that comes from `d`.
@@ -51,12 +48,7 @@ fn tan2(cos: f32) -> f32 {
 impl Layer {
     /// A layer that scatters nothing.
     pub fn black(n: Vec3) -> Self {
-        Layer {
-            frame: Frame::from_normal(n),
-            weight: 1.0,
-            perturbation: None,
-            lobe: Lobe::BLACK,
-        }
+        Layer { frame: Frame::from_normal(n), weight: 1.0, perturbation: None, lobe: Lobe::BLACK }
     }
 
     /// f |cos| with all factors but the layer's weight, and pdf.
@@ -66,11 +58,7 @@ impl Layer {
         if pdf <= 0.0 || !self.same_side(wi, i.z) {
             return (Rgb::ZERO, 0.0);
         }
-        let eta = if o.z * i.z < 0.0 {
-            self.lobe.relative_eta(o.z)
-        } else {
-            1.0
-        };
+        let eta = if o.z * i.z < 0.0 { self.lobe.relative_eta(o.z) } else { 1.0 };
         (f * self.factor(n_geo, (wo, o.z), (wi, i.z), eta, transport), pdf)
     }
 
@@ -129,14 +117,7 @@ impl Layer {
             Transport::Importance => {
                 let denom = wo.dot(n_geo) * cos_i;
                 let veach = (cos_o * wi.dot(n_geo) / denom).abs();
-                (
-                    wo,
-                    if denom.abs() > 1e-9 && veach.is_finite() {
-                        veach
-                    } else {
-                        0.0
-                    },
-                )
+                (wo, if denom.abs() > 1e-9 && veach.is_finite() { veach } else { 0.0 })
             }
         };
         if let Some(p) = &self.perturbation {

@@ -41,22 +41,12 @@ pub struct LobeSample {
 impl LobeSample {
     /// A sample of a lobe with a density.
     pub fn density(wi: Vec3, kind: LobeKind) -> Self {
-        LobeSample {
-            wi,
-            kind,
-            eta: 1.0,
-            dirac: None,
-        }
+        LobeSample { wi, kind, eta: 1.0, dirac: None }
     }
 
     /// A sample of a Dirac lobe.
     pub fn dirac(wi: Vec3, kind: LobeKind, value: Rgb, pmf: f32) -> Self {
-        LobeSample {
-            wi,
-            kind,
-            eta: 1.0,
-            dirac: Some((value, pmf)),
-        }
+        LobeSample { wi, kind, eta: 1.0, dirac: Some((value, pmf)) }
     }
 }
 
@@ -130,10 +120,7 @@ impl Lobe {
 
     /// True if a part of the lobe is diffuse.
     pub fn has_diffuse(&self) -> bool {
-        matches!(
-            self,
-            Lobe::Lambert(_) | Lobe::OrenNayar(_) | Lobe::Plastic(_) | Lobe::RoughPlastic(_)
-        )
+        matches!(self, Lobe::Lambert(_) | Lobe::OrenNayar(_) | Lobe::Plastic(_) | Lobe::RoughPlastic(_))
     }
 
     /// Roughness of the sharpest part: 0 for Dirac lobes, 1 for diffuse and null ones.

@@ -34,11 +34,7 @@ impl Microfacet {
     pub fn new(distribution: Distribution, alpha_u: f32, alpha_v: f32) -> Self {
         // max first: it turns NaN into the minimum.
         let clamp = |a: f32| a.max(MIN_ALPHA).min(MAX_ALPHA);
-        Microfacet {
-            distribution,
-            alpha_u: clamp(alpha_u),
-            alpha_v: clamp(alpha_v),
-        }
+        Microfacet { distribution, alpha_u: clamp(alpha_u), alpha_v: clamp(alpha_v) }
     }
 
     /// The family.
@@ -109,11 +105,7 @@ impl Microfacet {
                 let x = visible_slope(stretched.z, u.x);
                 let y = erf_inv(2.0 * u.y - 1.0);
                 let r = stretched.x.hypot(stretched.y);
-                let (cos, sin) = if r > 1e-7 {
-                    (stretched.x / r, stretched.y / r)
-                } else {
-                    (1.0, 0.0)
-                };
+                let (cos, sin) = if r > 1e-7 { (stretched.x / r, stretched.y / r) } else { (1.0, 0.0) };
                 Vec3::new(-(cos * x - sin * y), -(sin * x + cos * y), 1.0)
             }
         };
@@ -149,16 +141,8 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     let side = sin / PI.sqrt();
     // All in b = erf(x), where C is nearly a parabola; its derivative is cos - x sin >= 0.
-    let (mut low, mut high) = if cos < 4.0 * sin {
-        (-1.0, erf(cos / sin))
-    } else {
-        (-1.0, 1.0)
-    };
-    let cot2 = if sin > 0.0 {
-        (cos / sin) * (cos / sin)
-    } else {
-        f32::INFINITY
-    };
+    let (mut low, mut high) = if cos < 4.0 * sin { (-1.0, erf(cos / sin)) } else { (-1.0, 1.0) };
+    let cot2 = if sin > 0.0 { (cos / sin) * (cos / sin) } else { f32::INFINITY };
     let target = u * (cos * (1.0 + high) + side * (-cot2).exp());
     let mut b = low + (high - low) * u;
     let mut x = erf_inv(b);
@@ -173,11 +157,7 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
             low = b;
         }
         let newton = b - error / (cos - x * sin);
-        b = if newton > low && newton < high {
-            newton
-        } else {
-            0.5 * (low + high)
-        };
+        b = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         x = erf_inv(b);
     }
     x

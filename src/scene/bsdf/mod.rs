@@ -96,11 +96,7 @@ impl Bsdf {
     pub fn new(materials: &[Material], id: u32, textures: Textures, at: &SurfacePoint, wo: Vec3) -> Self {
         let mut resolver = Resolver::new(materials, textures, at, wo);
         resolver.run(id);
-        Bsdf {
-            n_geo: at.n_geo,
-            first: resolver.first.unwrap_or_else(|| Layer::black(at.n_shade)),
-            rest: resolver.rest,
-        }
+        Bsdf { n_geo: at.n_geo, first: resolver.first.unwrap_or_else(|| Layer::black(at.n_shade)), rest: resolver.rest }
     }
 
     /// f(wo, wi) |cos(n_shade, wi)|, Dirac lobes excluded.
@@ -145,13 +141,7 @@ impl Bsdf {
         };
         // Also false for NaN, of pdf 0 or else.
         let usable = weight.is_finite() && weight.max_element() > 0.0 && pdf_dir.is_finite();
-        usable.then_some(BsdfSample {
-            wi,
-            weight,
-            pdf_dir,
-            lobe: s.kind,
-            eta: s.eta,
-        })
+        usable.then_some(BsdfSample { wi, weight, pdf_dir, lobe: s.kind, eta: s.eta })
     }
 
     /// Chooses a layer in proportion to its albedo: the layer, its probability, and what is left of the random number.
@@ -176,14 +166,9 @@ impl Bsdf {
         chosen
     }
 
-    /// [`Self::eval`] and [`Self::pdf_dir`] at once.
-    pub fn eval_pdf(&self, wo: Vec3, wi: Vec3, transport: Transport) -> (Rgb, f32) {
-        (self.eval(wo, wi, transport), self.pdf_dir(wo, wi))
-    }
-
     /// Share of light that passes straight through (weight of the null lobes).
     pub fn straight_through(&self) -> f32 {
-        todo!()
+        self.layers().filter(|l| matches!(l.lobe, lobe::Lobe::Null)).map(|l| l.weight).sum()
     }
 
     /// True if every lobe is a Dirac or null lobe: light sampling is of no use.

@@ -68,10 +68,7 @@ impl Plastic {
     /// `rho` is the albedo of the base, `coat` the factor on the coat's reflection.
     pub fn new(eta: f32, rho: Rgb, coat: Rgb, nonlinear: bool) -> Self {
         let internal = fresnel::diffuse_reflectance(1.0 / eta);
-        Plastic {
-            layers: Layers::new(eta, rho, coat, nonlinear, internal),
-            eta,
-        }
+        Plastic { layers: Layers::new(eta, rho, coat, nonlinear, internal), eta }
     }
 
     fn reflectance(&self, cos: f32) -> f32 {

@@ -62,35 +62,18 @@ pub struct Resolver<'a> {
 
 impl<'a> Resolver<'a> {
     pub fn new(materials: &'a [Material], textures: Textures<'a>, at: &'a SurfacePoint, wo: Vec3) -> Self {
-        Resolver {
-            materials,
-            textures,
-            at,
-            wo,
-            first: None,
-            rest: Vec::new(),
-            dropped: 0.0,
-        }
+        Resolver { materials, textures, at, wo, first: None, rest: Vec::new(), dropped: 0.0 }
     }
 
     /// Collects the lobes of material `id`.
     pub fn run(&mut self, id: u32) {
-        let root = State {
-            weight: 1.0,
-            n: self.at.n_shade,
-            frame: None,
-            unperturbed: None,
-            mirror: None,
-        };
+        let root = State { weight: 1.0, n: self.at.n_shade, frame: None, unperturbed: None, mirror: None };
         self.descend(id, root);
         if self.dropped > 0.0 {
             let layers = || self.first.iter().chain(&self.rest);
             let kept: f32 = layers().map(|l| l.weight).sum();
             let scale = (kept + self.dropped) / kept;
-            self.first
-                .iter_mut()
-                .chain(&mut self.rest)
-                .for_each(|l| l.weight *= scale);
+            self.first.iter_mut().chain(&mut self.rest).for_each(|l| l.weight *= scale);
         }
     }
 
@@ -116,12 +99,7 @@ impl<'a> Resolver<'a> {
                     self.descend(*back, State { mirror, ..state });
                 }
             }
-            Material::Blend {
-                weight,
-                first,
-                second,
-                absorbed,
-            } => {
+            Material::Blend { weight, first, second, absorbed } => {
                 let w = unit(self.textures.scalar(weight, self.at.uv));
                 let total = state.weight * (1.0 - unit(*absorbed));
                 let mut branches = [(*first, total * (1.0 - w)), (*second, total * w)];
@@ -136,23 +114,10 @@ impl<'a> Resolver<'a> {
                 let opacity = unit(self.textures.scalar(opacity, self.at.uv));
                 let (inside, through) = (state.weight * opacity, state.weight * (1.0 - opacity));
                 if inside > 0.0 {
-                    self.descend(
-                        *nested,
-                        State {
-                            weight: inside,
-                            ..state
-                        },
-                    );
+                    self.descend(*nested, State { weight: inside, ..state });
                 }
                 if through > 0.0 {
-                    self.push(
-                        &State {
-                            weight: through,
-                            ..state
-                        },
-                        Lobe::Null,
-                        false,
-                    );
+                    self.push(&State { weight: through, ..state }, Lobe::Null, false);
                 }
             }
             Material::BumpMap { texture, scale, nested } => {
@@ -176,43 +141,24 @@ impl<'a> Resolver<'a> {
     /// The lobe of a material without children.
     fn lobe(&self, material: &Material) -> Option<Lobe> {
         Some(match material {
-            Material::Diffuse { reflectance } => Lobe::Lambert(Lambert {
-                reflectance: self.color(reflectance),
-            }),
-            Material::RoughDiffuse { reflectance, alpha } => Lobe::OrenNayar(OrenNayar::new(
-                self.color(reflectance),
-                self.textures.scalar(alpha, self.at.uv),
-            )),
-            Material::Conductor {
-                eta,
-                k,
-                specular_reflectance,
-            } => Lobe::Metal(self.metal(*eta, *k, specular_reflectance)),
-            Material::RoughConductor {
-                eta,
-                k,
-                specular_reflectance,
-                roughness,
-            } => Lobe::RoughMetal(RoughMetal {
+            Material::Diffuse { reflectance } => Lobe::Lambert(Lambert { reflectance: self.color(reflectance) }),
+            Material::RoughDiffuse { reflectance, alpha } => {
+                Lobe::OrenNayar(OrenNayar::new(self.color(reflectance), self.textures.scalar(alpha, self.at.uv)))
+            }
+            Material::Conductor { eta, k, specular_reflectance } => {
+                Lobe::Metal(self.metal(*eta, *k, specular_reflectance))
+            }
+            Material::RoughConductor { eta, k, specular_reflectance, roughness } => Lobe::RoughMetal(RoughMetal {
                 metal: self.metal(*eta, *k, specular_reflectance),
                 micro: self.micro(roughness),
             }),
-            Material::Dielectric {
-                eta,
-                specular_reflectance,
-                specular_transmittance,
-            } => Lobe::Glass(self.boundary(*eta, specular_reflectance, specular_transmittance)),
-            Material::ThinDielectric {
-                eta,
-                specular_reflectance,
-                specular_transmittance,
-            } => Lobe::Pane(self.boundary(*eta, specular_reflectance, specular_transmittance)),
-            Material::RoughDielectric {
-                eta,
-                specular_reflectance,
-                specular_transmittance,
-                roughness,
-            } => {
+            Material::Dielectric { eta, specular_reflectance, specular_transmittance } => {
+                Lobe::Glass(self.boundary(*eta, specular_reflectance, specular_transmittance))
+            }
+            Material::ThinDielectric { eta, specular_reflectance, specular_transmittance } => {
+                Lobe::Pane(self.boundary(*eta, specular_reflectance, specular_transmittance))
+            }
+            Material::RoughDielectric { eta, specular_reflectance, specular_transmittance, roughness } => {
                 let boundary = self.boundary(*eta, specular_reflectance, specular_transmittance);
                 if (boundary.eta - 1.0).abs() < MIN_ETA_STEP {
                     return Some(Lobe::Glass(boundary));
@@ -220,30 +166,23 @@ impl<'a> Resolver<'a> {
                 let micro = self.micro(roughness);
                 Lobe::RoughGlass(RoughBoundary { boundary, micro })
             }
-            Material::Plastic {
-                eta,
-                diffuse_reflectance,
-                specular_reflectance,
-                nonlinear,
-            } => Lobe::Plastic(Plastic::new(
-                valid_eta(*eta),
-                self.color(diffuse_reflectance),
-                self.color(specular_reflectance),
-                *nonlinear,
-            )),
-            Material::RoughPlastic {
-                eta,
-                diffuse_reflectance,
-                specular_reflectance,
-                nonlinear,
-                roughness,
-            } => Lobe::RoughPlastic(RoughPlastic::new(
-                valid_eta(*eta),
-                self.color(diffuse_reflectance),
-                self.color(specular_reflectance),
-                *nonlinear,
-                self.micro(roughness),
-            )),
+            Material::Plastic { eta, diffuse_reflectance, specular_reflectance, nonlinear } => {
+                Lobe::Plastic(Plastic::new(
+                    valid_eta(*eta),
+                    self.color(diffuse_reflectance),
+                    self.color(specular_reflectance),
+                    *nonlinear,
+                ))
+            }
+            Material::RoughPlastic { eta, diffuse_reflectance, specular_reflectance, nonlinear, roughness } => {
+                Lobe::RoughPlastic(RoughPlastic::new(
+                    valid_eta(*eta),
+                    self.color(diffuse_reflectance),
+                    self.color(specular_reflectance),
+                    *nonlinear,
+                    self.micro(roughness),
+                ))
+            }
             Material::Null => Lobe::Null,
             // The caller descends into these.
             Material::TwoSided { .. }
@@ -266,11 +205,7 @@ impl<'a> Resolver<'a> {
         };
         let mut unperturbed = state.unperturbed;
         if state.mirror.is_some() {
-            frame = Frame {
-                s: state.mirrored(frame.s),
-                t: state.mirrored(frame.t),
-                n: state.mirrored(frame.n),
-            };
+            frame = Frame { s: state.mirrored(frame.s), t: state.mirrored(frame.t), n: state.mirrored(frame.n) };
             unperturbed = unperturbed.map(|n| -n);
         }
         let layer = Layer {
@@ -290,14 +225,8 @@ impl<'a> Resolver<'a> {
         let frame = self.tangent_frame(state);
         let n = frame.n;
         let tilt = |tangent: Vec3, slope: f32| tangent + n * (slope - n.dot(tangent));
-        let normal = tilt(self.at.dp_du, du)
-            .cross(tilt(self.at.dp_dv, dv))
-            .normalize_or_zero();
-        let normal = if normal.dot(self.at.n_geo) < 0.0 {
-            -normal
-        } else {
-            normal
-        };
+        let normal = tilt(self.at.dp_du, du).cross(tilt(self.at.dp_dv, dv)).normalize_or_zero();
+        let normal = if normal.dot(self.at.n_geo) < 0.0 { -normal } else { normal };
         frame.to_local(normal)
     }
 
@@ -305,32 +234,17 @@ impl<'a> Resolver<'a> {
     fn perturbed(&self, state: State, n: Vec3) -> State {
         let base = self.tangent_frame(&state);
         let wo = base.to_local(state.mirrored(self.wo));
-        let n = if wo.z * wo.dot(n) <= 0.0 {
-            Vec3::new(-n.x, -n.y, n.z)
-        } else {
-            n
-        };
+        let n = if wo.z * wo.dot(n) <= 0.0 { Vec3::new(-n.x, -n.y, n.z) } else { n };
         let Some(n) = n.try_normalize() else {
             return state;
         };
         let local = Frame::from_normal_tangent(n, Vec3::X);
-        let frame = Frame {
-            s: base.to_world(local.s),
-            t: base.to_world(local.t),
-            n: base.to_world(local.n),
-        };
-        State {
-            n: frame.n,
-            frame: Some(frame),
-            unperturbed: Some(state.unperturbed.unwrap_or(state.n)),
-            ..state
-        }
+        let frame = Frame { s: base.to_world(local.s), t: base.to_world(local.t), n: base.to_world(local.n) };
+        State { n: frame.n, frame: Some(frame), unperturbed: Some(state.unperturbed.unwrap_or(state.n)), ..state }
     }
 
     fn tangent_frame(&self, state: &State) -> Frame {
-        state
-            .frame
-            .unwrap_or_else(|| Frame::from_normal_tangent(state.n, self.at.dp_du))
+        state.frame.unwrap_or_else(|| Frame::from_normal_tangent(state.n, self.at.dp_du))
     }
 
     fn color(&self, color: &Color) -> Rgb {
@@ -339,19 +253,11 @@ impl<'a> Resolver<'a> {
 
     fn metal(&self, eta: Rgb, k: Rgb, tint: &Color) -> Metal {
         let tint = self.color(tint);
-        Metal {
-            eta: valid_color(eta),
-            k: valid_color(k),
-            tint,
-        }
+        Metal { eta: valid_color(eta), k: valid_color(k), tint }
     }
 
     fn boundary(&self, eta: f32, reflectance: &Color, transmittance: &Color) -> Boundary {
-        Boundary {
-            eta: valid_eta(eta),
-            reflectance: self.color(reflectance),
-            transmittance: self.color(transmittance),
-        }
+        Boundary { eta: valid_eta(eta), reflectance: self.color(reflectance), transmittance: self.color(transmittance) }
     }
 
     fn micro(&self, r: &Roughness) -> Microfacet {

@@ -56,10 +56,7 @@ impl Transmittance {
         };
         let q = (eta - 1.0) / (eta + 1.0);
         let (a, weight_alpha) = cell(micro.mean_alpha().sqrt() * (ALPHAS - 1) as f32, ALPHAS);
-        let (e, weight_eta) = cell(
-            (1.0 + (q.abs() / MAX_Q).sqrt().copysign(q)) * 0.5 * (ETAS - 1) as f32,
-            ETAS,
-        );
+        let (e, weight_eta) = cell((1.0 + (q.abs() / MAX_Q).sqrt().copysign(q)) * 0.5 * (ETAS - 1) as f32, ETAS);
         Transmittance {
             table: cache.get_or_init(|| Table::new(micro.distribution())),
             cell: (a * ETAS + e) as u32,
@@ -126,10 +123,7 @@ impl Table {
                 }
             }
         }
-        Table {
-            transmittance,
-            internal,
-        }
+        Table { transmittance, internal }
     }
 }
 
@@ -166,9 +160,7 @@ fn expectations(
     for i in 0..NODES * NODES {
         let u = Vec2::new((i % NODES) as f32 + 0.5, (i / NODES) as f32 + 0.5) / NODES as f32;
         if let Some(m) = micro.sample(wo, u) {
-            sum.iter_mut()
-                .zip(etas)
-                .for_each(|(s, &eta)| *s += share(micro, wo, m, eta));
+            sum.iter_mut().zip(etas).for_each(|(s, &eta)| *s += share(micro, wo, m, eta));
         }
     }
     sum.map(|s| (s / (NODES * NODES) as f32).clamp(0.0, 1.0))
@@ -185,10 +177,7 @@ mod tests {
             let t0 = Instant::now();
             let _ = Transmittance::new(&Microfacet::new(d, 0.1, 0.1), 1.5);
             println!("{d:?} table {:?}", t0.elapsed());
-            for (ai, alpha) in [0.01f32, 0.03, 0.05, 0.085, 0.1, 0.2, 0.3, 0.5, 0.7]
-                .into_iter()
-                .enumerate()
-            {
+            for (ai, alpha) in [0.01f32, 0.03, 0.05, 0.085, 0.1, 0.2, 0.3, 0.5, 0.7].into_iter().enumerate() {
                 let micro = Microfacet::new(d, alpha, alpha);
                 let mut worst = (0f32, 0.0, 0.0, 0.0, 0.0);
                 for eta in [1.1f32, 1.3, 1.45, 1.5, 1.6, 1.9, 2.3] {

@@ -3,12 +3,7 @@
 use super::*;
 use crate::math::filter::PixelFilter;
 
-const FILM: FilmDesc = FilmDesc {
-    width: 6,
-    height: 4,
-    crop: [0, 0, 6, 4],
-    filter: PixelFilter::Box { radius: 0.5 },
-};
+const FILM: FilmDesc = FilmDesc { width: 6, height: 4, crop: [0, 0, 6, 4], filter: PixelFilter::Box { radius: 0.5 } };
 
 /// look_at(origin (1,2,3), target (2,1.5,-1), up y) times a scale of the columns.
 fn to_world(scale: [f64; 3]) -> DMat4 {
@@ -35,10 +30,7 @@ fn perspective(scale: [f64; 3], offset: [f64; 2], lens: (f64, f64)) -> CameraDes
 }
 
 fn orthographic(scale: [f64; 3]) -> CameraDesc {
-    CameraDesc {
-        projection: Projection::Orthographic,
-        ..perspective(scale, [0.0; 2], (0.0, 1.0))
-    }
+    CameraDesc { projection: Projection::Orthographic, ..perspective(scale, [0.0; 2], (0.0, 1.0)) }
 }
 
 /// Compares a ray with Mitsuba's: its origin is ours moved to the near plane, its end is far - near.

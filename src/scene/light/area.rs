@@ -254,10 +254,7 @@ impl SphereView {
             // sin^2 / (1 + cos) instead of 1 - cos: all digits for a sphere of any size.
             let sin2 = (radius / distance).powi(2);
             let one_minus_cos = sin2 / (1.0 + (1.0 - sin2).sqrt());
-            return Some(SphereView::Cone {
-                one_minus_cos,
-                distance,
-            });
+            return Some(SphereView::Cone { one_minus_cos, distance });
         }
         s.flip.then_some(SphereView::Inside)
     }
@@ -267,10 +264,7 @@ fn sample_sphere_lamp(s: &Sphere, p: Vec3, u: Vec2) -> Option<LampPoint> {
     let radius = s.radius as f64;
     let center = relative(s.center, p);
     match SphereView::new(s, p)? {
-        SphereView::Cone {
-            one_minus_cos,
-            distance,
-        } => {
+        SphereView::Cone { one_minus_cos, distance } => {
             let m = u.x as f64 * one_minus_cos;
             let (cos, sin2) = (1.0 - m, m * (2.0 - m));
             let (sin_phi, cos_phi) = (TAU * u.y as f64).sin_cos();

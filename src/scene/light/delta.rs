@@ -55,17 +55,10 @@ impl DeltaLight {
     /// The light of a description, if it is one without extent.
     pub fn new(desc: &LightDesc) -> Option<Self> {
         Some(match desc {
-            LightDesc::Point { position, intensity } => DeltaLight::Point {
-                position: position.as_vec3(),
-                intensity: *intensity,
-            },
-            LightDesc::Spot {
-                to_world,
-                intensity,
-                cutoff_angle,
-                beam_width,
-                texture,
-            } => DeltaLight::Spot {
+            LightDesc::Point { position, intensity } => {
+                DeltaLight::Point { position: position.as_vec3(), intensity: *intensity }
+            }
+            LightDesc::Spot { to_world, intensity, cutoff_angle, beam_width, texture } => DeltaLight::Spot {
                 position: to_world.w_axis.truncate().as_vec3(),
                 to_local: rotation_to_local(to_world),
                 intensity: *intensity,
@@ -114,15 +107,7 @@ impl DeltaLight {
 
     /// Ramp times texture of a spot in the unit world direction `w` away from it; 1 for others.
     fn spot_factor(&self, textures: Textures, w: Vec3) -> Rgb {
-        let DeltaLight::Spot {
-            to_local,
-            cutoff,
-            beam,
-            tan_cutoff,
-            texture,
-            ..
-        } = self
-        else {
+        let DeltaLight::Spot { to_local, cutoff, beam, tan_cutoff, texture, .. } = self else {
             return Rgb::ONE;
         };
         let d = *to_local * w;
@@ -147,24 +132,13 @@ impl DeltaLight {
         match self {
             DeltaLight::Point { intensity, .. } => *intensity * (2.0 * TAU) as f32,
             DeltaLight::Directional { irradiance, .. } => *irradiance * (PI as f32 * radius * radius),
-            DeltaLight::Spot {
-                intensity,
-                cutoff,
-                beam,
-                texture: None,
-                ..
-            } => {
+            DeltaLight::Spot { intensity, cutoff, beam, texture: None, .. } => {
                 let (c, b) = (*cutoff as f64, *beam as f64);
                 // Integral of the ramp times sin; the mean of cos over the ramp, or its limit.
                 let mean_cos = if c - b > 1e-6 { (c.sin() - b.sin()) / (c - b) } else { c.cos() };
                 *intensity * (TAU * (1.0 - mean_cos)) as f32
             }
-            DeltaLight::Spot {
-                intensity,
-                to_local,
-                cutoff,
-                ..
-            } => {
+            DeltaLight::Spot { intensity, to_local, cutoff, .. } => {
                 let (rings, steps) = (64, 128);
                 let one_minus_cos = 1.0 - cutoff.cos();
                 let mut sum = Rgb::ZERO;

@@ -43,9 +43,7 @@ impl Environment {
             LightDesc::EnvMap { image, scale, to_world } => {
                 let map = EnvMap::new(*image, &images[*image as usize], *scale, rotation_to_local(to_world));
                 // A map without pixels is black.
-                Some(map.map_or(Environment::Constant { radiance: Rgb::ZERO }, |m| {
-                    Environment::Map(Box::new(m))
-                }))
+                Some(map.map_or(Environment::Constant { radiance: Rgb::ZERO }, |m| Environment::Map(Box::new(m))))
             }
             _ => None,
         }
@@ -117,14 +115,7 @@ impl EnvMap {
             }
         }
         let total = integral.map(|x| (x * 4.0 * std::f64::consts::PI / w as f64) as f32);
-        Some(EnvMap {
-            image,
-            scale,
-            to_local,
-            density: Piecewise2::new(&values, w),
-            cos,
-            integral: Rgb::from(total),
-        })
+        Some(EnvMap { image, scale, to_local, density: Piecewise2::new(&values, w), cos, integral: Rgb::from(total) })
     }
 
     /// Column, row and position inside of the cell that holds the local direction `d`; rows linear in the angle.

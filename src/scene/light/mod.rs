@@ -140,13 +140,7 @@ impl Lights {
             let a = area::primitive_area(&shape.geometry, prim);
             area += a;
             weights.push(std::f64::consts::PI * a * mean_channel(radiance));
-            self.emitters.push(Emitter {
-                light,
-                source: Source::Surface {
-                    shape: index,
-                    prim: prim as u32,
-                },
-            });
+            self.emitters.push(Emitter { light, source: Source::Surface { shape: index, prim: prim as u32 } });
         }
         self.infos.push(LightInfo {
             kind: format!("area ({kind})"),
@@ -169,16 +163,8 @@ impl Lights {
             return;
         };
         weights.push(mean_channel(power));
-        self.emitters.push(Emitter {
-            light: self.infos.len() as u32,
-            source,
-        });
-        self.infos.push(LightInfo {
-            kind: kind.into(),
-            name: String::new(),
-            power,
-            primitives: 1,
-        });
+        self.emitters.push(Emitter { light: self.infos.len() as u32, source });
+        self.infos.push(LightInfo { kind: kind.into(), name: String::new(), power, primitives: 1 });
     }
 
     /// Whether there is no light at all.
@@ -213,13 +199,7 @@ impl Lights {
             }
             Source::Delta(k) => {
                 let a = self.deltas[k as usize].arrival(textures, p)?;
-                Some(LightSample {
-                    wi: a.wi,
-                    distance: a.distance,
-                    weight: a.value / pmf,
-                    pdf_dir: 0.0,
-                    light,
-                })
+                Some(LightSample { wi: a.wi, distance: a.distance, weight: a.value / pmf, pdf_dir: 0.0, light })
             }
             Source::Environment(k) => {
                 let wi = self.environments[k as usize].0.sample(u);
@@ -278,11 +258,7 @@ fn lamp_radiance(lamp: &Shape, textures: Textures, shape: u32, prim: u32, p: Vec
         // The side has been decided by geometry, and nothing varies over the surface.
         Some(Color::Constant(c)) if !smooth => *c,
         Some(color) => {
-            let hit = ShapeHit {
-                t: q.distance,
-                u: q.barycentric.x,
-                v: q.barycentric.y,
-            };
+            let hit = ShapeHit { t: q.distance, u: q.barycentric.x, v: q.barycentric.y };
             let at = lamp.surface_point(shape, prim, p, q.wi, hit);
             if at.n_shade.dot(q.wi) < 0.0 { textures.color(color, at.uv) } else { Rgb::ZERO }
         }

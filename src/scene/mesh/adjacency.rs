@@ -54,10 +54,7 @@ impl Mesh {
         for h in 0..half_edges {
             let (a, b) = ends(h);
             let slot = &mut next[a.min(b) as usize];
-            sorted[*slot as usize] = HalfEdge {
-                upper: a.max(b),
-                half_edge: h,
-            };
+            sorted[*slot as usize] = HalfEdge { upper: a.max(b), half_edge: h };
             *slot += 1;
         }
 
@@ -98,11 +95,7 @@ impl Mesh {
         let distance = |n: DVec3, far: Vec3| n.dot(far.as_dvec3() - on_edge.as_dvec3()).abs();
         let off = distance(face_normals[t0], far1).min(distance(face_normals[t1], far0));
         let largest = on_edge.abs().max(far0.abs()).max(far1.abs()).max_element() as f64;
-        if off <= COPLANAR * largest {
-            EdgeClass::Never
-        } else {
-            EdgeClass::Silhouette
-        }
+        if off <= COPLANAR * largest { EdgeClass::Never } else { EdgeClass::Silhouette }
     }
 }
 

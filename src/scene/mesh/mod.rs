@@ -71,23 +71,12 @@ impl Mesh {
     /// index beyond the vertices, normals or uvs that are not one per vertex, or no triangle left.
     pub fn new(data: MeshData, to_world: &DMat4, flip_normals: bool) -> Result<Mesh, String> {
         check(&data)?;
-        let MeshData {
-            positions,
-            normals,
-            uvs,
-            triangles,
-            face_normals,
-            max_smooth_angle,
-        } = data;
-        let positions: Vec<Vec3> = positions
-            .iter()
-            .map(|p| to_world.transform_point3(p.as_dvec3()).as_vec3())
-            .collect();
+        let MeshData { positions, normals, uvs, triangles, face_normals, max_smooth_angle } = data;
+        let positions: Vec<Vec3> =
+            positions.iter().map(|p| to_world.transform_point3(p.as_dvec3()).as_vec3()).collect();
         let total = triangles.len();
-        let triangles: Vec<[u32; 3]> = triangles
-            .into_iter()
-            .filter(|t| has_area(t.map(|i| positions[i as usize])))
-            .collect();
+        let triangles: Vec<[u32; 3]> =
+            triangles.into_iter().filter(|t| has_area(t.map(|i| positions[i as usize]))).collect();
         if triangles.is_empty() {
             return Err(if total == 0 {
                 "the mesh has no triangles".into()
@@ -98,10 +87,7 @@ impl Mesh {
         let mut mesh = Mesh {
             positions,
             normals: Vec::new(),
-            uvs: uvs
-                .into_iter()
-                .map(|t| if t.is_finite() { t } else { Vec2::ZERO })
-                .collect(),
+            uvs: uvs.into_iter().map(|t| if t.is_finite() { t } else { Vec2::ZERO }).collect(),
             triangles,
             edges: Vec::new(),
             neighbors: Vec::new(),

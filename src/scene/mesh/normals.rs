@@ -66,11 +66,8 @@ impl Mesh {
     pub(super) fn compute_split_normals(&mut self, face_normals: &[DVec3], max_angle: f32) {
         let mut groups = Groups::new(3 * self.triangles.len());
         // NaN smooths nothing. The slack keeps equal angles (a 30 degree prism at 30 degrees) together.
-        let cos_max = if max_angle.is_nan() {
-            2.0
-        } else {
-            (max_angle as f64 + 1e-6).clamp(0.0, std::f64::consts::PI).cos()
-        };
+        let cos_max =
+            if max_angle.is_nan() { 2.0 } else { (max_angle as f64 + 1e-6).clamp(0.0, std::f64::consts::PI).cos() };
         for (t, neighbors) in self.neighbors.iter().enumerate() {
             for (e, &other) in neighbors.iter().enumerate() {
                 if other == u32::MAX || (other as usize) < t {
@@ -139,9 +136,7 @@ struct Groups {
 
 impl Groups {
     fn new(n: usize) -> Self {
-        Groups {
-            parent: (0..n as u32).collect(),
-        }
+        Groups { parent: (0..n as u32).collect() }
     }
 
     fn root(&mut self, mut i: u32) -> u32 {

@@ -29,12 +29,7 @@ impl Shape {
             GeometryDesc::Cylinder { p0, p1, radius } => cylinder(m, p0, p1, radius, flip).map(Geometry::Cylinder),
             GeometryDesc::Mesh(data) => Mesh::new(data, m, flip).map(Geometry::Mesh),
         }?;
-        let shape = Shape {
-            name: desc.name,
-            geometry,
-            material: desc.material,
-            emission: desc.emission,
-        };
+        let shape = Shape { name: desc.name, geometry, material: desc.material, emission: desc.emission };
         let (lo, hi) = shape.bounds();
         let area = shape.area();
         // A density per area must exist in f32: neither the area nor its reciprocal may overflow.
@@ -68,10 +63,7 @@ fn check_affine(m: &DMat4) -> Result<(), String> {
 
 /// Unit normal of the plane spanned by the images of x and y, on the side of the transformed +z (inverse transpose).
 fn plane_normal(axes: [DVec3; 3], flip: bool) -> Result<DVec3, String> {
-    let n = axes[0]
-        .cross(axes[1])
-        .try_normalize()
-        .ok_or("to_world makes the shape flat: it has no area")?;
+    let n = axes[0].cross(axes[1]).try_normalize().ok_or("to_world makes the shape flat: it has no area")?;
     let mirrored = determinant(axes) < 0.0;
     Ok(if mirrored != flip { -n } else { n })
 }
@@ -101,12 +93,9 @@ fn sphere(m: &DMat4, center: DVec3, radius: f64, flip: bool) -> Result<Sphere, S
     let axes = axes(m);
     let det = determinant(axes);
     let scale = det.abs().cbrt();
-    let uniform = axes
-        .iter()
-        .all(|a| (a.length() - scale).abs() <= RIGID_TOLERANCE * scale);
-    let square = [(0, 1), (1, 2), (2, 0)]
-        .iter()
-        .all(|&(i, j)| axes[i].dot(axes[j]).abs() <= RIGID_TOLERANCE * scale * scale);
+    let uniform = axes.iter().all(|a| (a.length() - scale).abs() <= RIGID_TOLERANCE * scale);
+    let square =
+        [(0, 1), (1, 2), (2, 0)].iter().all(|&(i, j)| axes[i].dot(axes[j]).abs() <= RIGID_TOLERANCE * scale * scale);
     if !(scale > 0.0 && uniform && square) {
         let lengths = axes.map(|a| a.length());
         return Err(format!(
@@ -131,9 +120,7 @@ fn sphere(m: &DMat4, center: DVec3, radius: f64, flip: bool) -> Result<Sphere, S
 
 fn cylinder(m: &DMat4, p0: DVec3, p1: DVec3, radius: f64, flip: bool) -> Result<Cylinder, String> {
     check_radius(radius)?;
-    let along = (p1 - p0)
-        .try_normalize()
-        .ok_or("the cylinder's p0 and p1 are the same point")?;
+    let along = (p1 - p0).try_normalize().ok_or("the cylinder's p0 and p1 are the same point")?;
     let local = Frame::from_normal(along.as_vec3());
     // The frame in f64: its axes are only single precision, and must be exactly across.
     let s = local.s.as_dvec3();
@@ -143,9 +130,7 @@ fn cylinder(m: &DMat4, p0: DVec3, p1: DVec3, radius: f64, flip: bool) -> Result<
     let axis = w1 - w0;
     let (ws, wt) = (m.transform_vector3(s), m.transform_vector3(t));
     let scale = 0.5 * (ws.length() + wt.length());
-    let direction = axis
-        .try_normalize()
-        .ok_or("to_world makes the cylinder flat: it has no area")?;
+    let direction = axis.try_normalize().ok_or("to_world makes the cylinder flat: it has no area")?;
     let off = |v: f64| v.abs() > RIGID_TOLERANCE * scale;
     if !scale.is_finite() || off(ws.length() - scale) || off(ws.dot(wt) / scale) {
         return Err("to_world makes the cylinder's section an ellipse: it must stay a circle".into());
@@ -166,9 +151,5 @@ fn cylinder(m: &DMat4, p0: DVec3, p1: DVec3, radius: f64, flip: bool) -> Result<
 }
 
 fn check_radius(radius: f64) -> Result<(), String> {
-    if radius.is_finite() && radius > 0.0 {
-        Ok(())
-    } else {
-        Err(format!("the radius is {radius}; it must be above 0"))
-    }
+    if radius.is_finite() && radius > 0.0 { Ok(()) } else { Err(format!("the radius is {radius}; it must be above 0")) }
 }

@@ -102,17 +102,7 @@ pub(super) fn mesh_point(mesh: &Mesh, prim: u32, u: f32, v: f32) -> SurfacePoint
 
 /// A point of an analytic shape: no separate shading normal, primitive 0.
 fn analytic(p: Vec3, p_error: Vec3, n: Vec3, uv: Vec2, dp_du: Vec3, dp_dv: Vec3) -> SurfacePoint {
-    SurfacePoint {
-        p,
-        p_error,
-        n_geo: n,
-        n_shade: n,
-        uv,
-        dp_du,
-        dp_dv,
-        shape: 0,
-        prim: 0,
-    }
+    SurfacePoint { p, p_error, n_geo: n, n_shade: n, uv, dp_du, dp_dv, shape: 0, prim: 0 }
 }
 
 /// Angle over 2 pi, in [0, 1).
@@ -156,11 +146,7 @@ impl Sphere {
         let [ax, ay, az] = self.axes;
         let local = Vec3::new(out.dot(ax), out.dot(ay), out.dot(az));
         let rho = local.x.hypot(local.y);
-        let (cos, sin) = if rho > 0.0 {
-            (local.x / rho, local.y / rho)
-        } else {
-            (1.0, 0.0)
-        };
+        let (cos, sin) = if rho > 0.0 { (local.x / rho, local.y / rho) } else { (1.0, 0.0) };
         let uv = Vec2::new(turn(local.y, local.x), rho.atan2(local.z) / PI);
         let dp_du = (ay * local.x - ax * local.y) * (TAU * self.radius);
         let dp_dv = ((ax * cos + ay * sin) * local.z - az * rho) * (PI * self.radius);

@@ -7,14 +7,7 @@ use crate::math::stats::chi_square_p;
 use crate::math::{DMat4, DVec3, Vec2};
 
 fn describe(geometry: GeometryDesc, to_world: DMat4, flip_normals: bool) -> ShapeDesc {
-    ShapeDesc {
-        name: "test".into(),
-        geometry,
-        to_world,
-        flip_normals,
-        material: 0,
-        emission: None,
-    }
+    ShapeDesc { name: "test".into(), geometry, to_world, flip_normals, material: 0, emission: None }
 }
 
 fn build(geometry: GeometryDesc, to_world: DMat4, flip_normals: bool) -> Shape {
@@ -22,18 +15,11 @@ fn build(geometry: GeometryDesc, to_world: DMat4, flip_normals: bool) -> Shape {
 }
 
 fn unit_sphere() -> GeometryDesc {
-    GeometryDesc::Sphere {
-        center: DVec3::ZERO,
-        radius: 1.0,
-    }
+    GeometryDesc::Sphere { center: DVec3::ZERO, radius: 1.0 }
 }
 
 fn cylinder(z0: f64, z1: f64) -> GeometryDesc {
-    GeometryDesc::Cylinder {
-        p0: DVec3::new(0.0, 0.0, z0),
-        p1: DVec3::new(0.0, 0.0, z1),
-        radius: 1.0,
-    }
+    GeometryDesc::Cylinder { p0: DVec3::new(0.0, 0.0, z0), p1: DVec3::new(0.0, 0.0, z1), radius: 1.0 }
 }
 
 /// The surface point where the ray from `o` meets the world point `p` on triangle `prim` or shape 0.
@@ -54,10 +40,7 @@ fn point_at(shape: &Shape, p: [f32; 3], prim: u32) -> SurfacePoint {
 }
 
 fn assert_near(got: Vec3, want: [f32; 3], what: &str) {
-    assert!(
-        (got - Vec3::from(want)).abs().max_element() < 2e-4,
-        "{what}: {got} instead of {want:?}"
-    );
+    assert!((got - Vec3::from(want)).abs().max_element() < 2e-4, "{what}: {got} instead of {want:?}");
 }
 
 /// One row measured with Mitsuba 3.9.1 (`scalar_rgb`, four decimals): position, shading normal, uv, dp/du, dp/dv.
@@ -80,32 +63,12 @@ fn points_agree_with_mitsuba_unmirrored() {
     let id = DMat4::IDENTITY;
     let up = [0.0, 0.0, 1.0];
     let rows: [(GeometryDesc, u32, Row); 6] = [
-        (
-            GeometryDesc::Rectangle,
-            0,
-            ([0.3, 0.2, 0.0], up, [0.65, 0.6], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
-        ),
-        (
-            GeometryDesc::Disk,
-            0,
-            (
-                [0.3, 0.2, 0.0],
-                up,
-                [0.3606, 0.0936],
-                [0.8321, 0.5547, 0.0],
-                [-1.2566, 1.885, 0.0],
-            ),
-        ),
+        (GeometryDesc::Rectangle, 0, ([0.3, 0.2, 0.0], up, [0.65, 0.6], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])),
+        (GeometryDesc::Disk, 0, ([0.3, 0.2, 0.0], up, [0.3606, 0.0936], [0.8321, 0.5547, 0.0], [-1.2566, 1.885, 0.0])),
         (
             cylinder(-0.5, 1.0),
             0,
-            (
-                [0.9798, 0.2, 0.3],
-                [0.9798, 0.2, 0.0],
-                [0.032, 0.5333],
-                [-1.2566, 6.1562, 0.0],
-                [0.0, 0.0, 1.5],
-            ),
+            ([0.9798, 0.2, 0.3], [0.9798, 0.2, 0.0], [0.032, 0.5333], [-1.2566, 6.1562, 0.0], [0.0, 0.0, 1.5]),
         ),
         (
             unit_sphere(),
@@ -118,22 +81,8 @@ fn points_agree_with_mitsuba_unmirrored() {
                 [2.4381, 1.6254, -1.1327],
             ),
         ),
-        (
-            GeometryDesc::Cube,
-            6,
-            ([0.3, 0.2, 1.0], up, [0.6, 0.65], [0.0, 2.0, 0.0], [2.0, 0.0, 0.0]),
-        ),
-        (
-            GeometryDesc::Cube,
-            4,
-            (
-                [1.0, 0.2, 0.3],
-                [1.0, 0.0, 0.0],
-                [0.6, 0.35],
-                [0.0, 2.0, 0.0],
-                [0.0, 0.0, -2.0],
-            ),
-        ),
+        (GeometryDesc::Cube, 6, ([0.3, 0.2, 1.0], up, [0.6, 0.65], [0.0, 2.0, 0.0], [2.0, 0.0, 0.0])),
+        (GeometryDesc::Cube, 4, ([1.0, 0.2, 0.3], [1.0, 0.0, 0.0], [0.6, 0.35], [0.0, 2.0, 0.0], [0.0, 0.0, -2.0])),
     ];
     for (geometry, prim, row) in rows {
         let name = format!("{geometry:?}");
@@ -148,32 +97,12 @@ fn mirrors_keep_the_side_except_of_spheres_as_in_mitsuba() {
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let up = [0.0, 0.0, 1.0];
     let rows: [(GeometryDesc, u32, Row); 6] = [
-        (
-            GeometryDesc::Rectangle,
-            0,
-            ([0.3, 0.2, 0.0], up, [0.35, 0.6], [-2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
-        ),
-        (
-            GeometryDesc::Disk,
-            0,
-            (
-                [0.3, 0.2, 0.0],
-                up,
-                [0.3606, 0.4064],
-                [0.8321, 0.5547, 0.0],
-                [1.2566, -1.885, 0.0],
-            ),
-        ),
+        (GeometryDesc::Rectangle, 0, ([0.3, 0.2, 0.0], up, [0.35, 0.6], [-2.0, 0.0, 0.0], [0.0, 2.0, 0.0])),
+        (GeometryDesc::Disk, 0, ([0.3, 0.2, 0.0], up, [0.3606, 0.4064], [0.8321, 0.5547, 0.0], [1.2566, -1.885, 0.0])),
         (
             cylinder(-0.5, 1.0),
             0,
-            (
-                [0.9798, 0.2, 0.3],
-                [0.9798, 0.2, 0.0],
-                [0.468, 0.5333],
-                [1.2566, -6.1562, 0.0],
-                [0.0, 0.0, 1.5],
-            ),
+            ([0.9798, 0.2, 0.3], [0.9798, 0.2, 0.0], [0.468, 0.5333], [1.2566, -6.1562, 0.0], [0.0, 0.0, 1.5]),
         ),
         (
             unit_sphere(),
@@ -186,23 +115,9 @@ fn mirrors_keep_the_side_except_of_spheres_as_in_mitsuba() {
                 [2.4381, 1.6254, -1.1327],
             ),
         ),
-        (
-            GeometryDesc::Cube,
-            6,
-            ([0.3, 0.2, 1.0], up, [0.6, 0.35], [0.0, 2.0, 0.0], [-2.0, 0.0, 0.0]),
-        ),
+        (GeometryDesc::Cube, 6, ([0.3, 0.2, 1.0], up, [0.6, 0.35], [0.0, 2.0, 0.0], [-2.0, 0.0, 0.0])),
         // The x = 1 face is the mirrored -x face.
-        (
-            GeometryDesc::Cube,
-            8,
-            (
-                [1.0, 0.2, 0.3],
-                [1.0, 0.0, 0.0],
-                [0.6, 0.65],
-                [0.0, 2.0, 0.0],
-                [0.0, 0.0, 2.0],
-            ),
-        ),
+        (GeometryDesc::Cube, 8, ([1.0, 0.2, 0.3], [1.0, 0.0, 0.0], [0.6, 0.65], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0])),
     ];
     for (geometry, prim, row) in rows {
         let name = format!("mirrored {geometry:?}");
@@ -226,13 +141,7 @@ fn rotated_and_stretched_points_agree_with_mitsuba() {
     check(
         &build(GeometryDesc::Disk, stretch, false),
         0,
-        (
-            [0.3, 0.2, 0.0],
-            up,
-            [0.1641, 0.0666],
-            [1.8276, 1.2184, 0.0],
-            [-0.8378, 2.8274, 0.0],
-        ),
+        ([0.3, 0.2, 0.0], up, [0.1641, 0.0666], [1.8276, 1.2184, 0.0], [-0.8378, 2.8274, 0.0]),
         "stretched disk",
     );
     let turn = DMat4::from_rotation_y(30f64.to_radians());
@@ -251,13 +160,7 @@ fn rotated_and_stretched_points_agree_with_mitsuba() {
     check(
         &build(cylinder(-0.5, 1.0), turn, false),
         0,
-        (
-            [1.3046, 0.2, 0.3],
-            [0.8485, 0.2, -0.4899],
-            [0.032, 0.9414],
-            [-1.0883, 6.1562, 0.6283],
-            [0.75, 0.0, 1.299],
-        ),
+        ([1.3046, 0.2, 0.3], [0.8485, 0.2, -0.4899], [0.032, 0.9414], [-1.0883, 6.1562, 0.6283], [0.75, 0.0, 1.299]),
         "turned cylinder",
     );
 }
@@ -266,22 +169,8 @@ fn rotated_and_stretched_points_agree_with_mitsuba() {
 fn bad_transforms_are_errors_with_a_text() {
     let scale = |x, y, z| DMat4::from_scale(DVec3::new(x, y, z));
     let shear = DMat4::from_cols_array(&[1., 0., 0., 0., 0.5, 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.]);
-    let all = || {
-        [
-            GeometryDesc::Rectangle,
-            GeometryDesc::Cube,
-            unit_sphere(),
-            GeometryDesc::Disk,
-            cylinder(0.0, 1.0),
-        ]
-    };
-    for m in [
-        DMat4::ZERO,
-        scale(0.0, 0.0, 0.0),
-        DMat4::NAN,
-        scale(1e30, 1e30, 1e30),
-        scale(f64::INFINITY, 1.0, 1.0),
-    ] {
+    let all = || [GeometryDesc::Rectangle, GeometryDesc::Cube, unit_sphere(), GeometryDesc::Disk, cylinder(0.0, 1.0)];
+    for m in [DMat4::ZERO, scale(0.0, 0.0, 0.0), DMat4::NAN, scale(1e30, 1e30, 1e30), scale(f64::INFINITY, 1.0, 1.0)] {
         for geometry in all() {
             let text = Shape::new(describe(geometry.clone(), m, false)).expect_err("degenerate");
             assert!(text.len() > 10, "{geometry:?} {text}");
@@ -361,15 +250,8 @@ fn error_bounds_hold_and_spawned_origins_leave_the_surface_at_every_scale() {
                 let s = shape.sample_area(0, prim, u).0;
                 let bound = s.n_geo.abs().dot(s.p_error) as f64;
                 let off = distance(&shape, prim, s.p);
-                assert!(
-                    off <= bound,
-                    "{} at {scale}: off by {off:e}, bound {bound:e}",
-                    shape.name
-                );
-                assert!(
-                    bound <= 1e-5 * scale * (1.0 + offset),
-                    "bound {bound:e} at {scale}: too wide"
-                );
+                assert!(off <= bound, "{} at {scale}: off by {off:e}, bound {bound:e}", shape.name);
+                assert!(bound <= 1e-5 * scale * (1.0 + offset), "bound {bound:e} at {scale}: too wide");
                 assert!(s.n_geo.is_normalized() && s.n_shade.is_normalized());
                 let (lo, hi) = shape.bounds();
                 assert!((s.p - s.p_error).cmple(hi).all() && (s.p + s.p_error).cmpge(lo).all());
@@ -427,12 +309,7 @@ fn tangents_are_the_derivatives_of_the_position() {
                 }
                 let predicted = s.dp_du * duv.x + s.dp_dv * duv.y;
                 let error = (q.p - s.p - predicted).length();
-                assert!(
-                    error < 0.05 * (q.p - s.p).length() + 2e-5,
-                    "{error}: {} {}",
-                    q.p - s.p,
-                    predicted
-                );
+                assert!(error < 0.05 * (q.p - s.p).length() + 2e-5, "{error}: {} {}", q.p - s.p, predicted);
             }
         }
     }
@@ -471,10 +348,7 @@ fn area_samples_are_uniform_and_areas_are_right() {
             // Thin cells carry the lattice's error: 5e-3 of 20,000 is below the noise of the counts kept here.
             let expected = expected.map(|e| e / area * n as f64);
             let seen_right = seen.map(|s| s);
-            assert!(
-                chi_square_p(&seen_right, &expected, 20.0) > 1e-4,
-                "{seen:?} {expected:?}"
-            );
+            assert!(chi_square_p(&seen_right, &expected, 20.0) > 1e-4, "{seen:?} {expected:?}");
             // The companion: a twentieth of the samples moved to a neighbouring cell.
             let mut wrong = seen;
             let (from, to) = largest_two(&expected);
