@@ -142,3 +142,52 @@ fn hostile_sizes_are_refused_before_memory_is_reserved() {
     let error = exr_read::decode(Path::new("x.exr"), &bytes).unwrap_err();
     assert!(matches!(error, ImageFileError::TooLarge { .. } | ImageFileError::Format { .. }), "{error}");
 }
+
+#[test]
+fn parts_tiles_integers_and_other_compressions_are_read() {
+    use exr::compression::Compression;
+    let part = |name: &str, prefix: &str, compression, blocks, samples: FlatSamples| Part {
+        channel_data: AnyChannels::sort(
+            ["R", "G", "B"]
+                .iter()
+                .map(|c| AnyChannel::new(text(&format!("{prefix}{c}")), samples.clone()))
+                .collect(),
+        ),
+        attributes: LayerAttributes::named(text(name)),
+        size: Vec2(5, 3),
+        encoding: Encoding {
+            compression,
+            blocks,
+            line_order: LineOrder::Increasing,
+        },
+    };
+    let decoded = |parts: Vec<Part<AnyChannels<FlatSamples>>>| {
+        let file = Image::from_layers(ImageAttributes::new(IntegerBounds::new((0, 0), (5, 3))), parts);
+        let mut bytes = Cursor::new(Vec::new());
+        file.write().non_parallel().to_buffered(&mut bytes).unwrap();
+        let picture = exr_read::decode(Path::new("x.exr"), &bytes.into_inner()).unwrap();
+        picture.pixels.iter().map(|p| p.y).collect::<Vec<f32>>()
+    };
+    let expected: Vec<f32> = (0..15).map(|i| i as f32).collect();
+    let kinds = [
+        FlatSamples::U32((0..15).collect()),
+        FlatSamples::F16((0..15u8).map(f16::from).collect()),
+        FlatSamples::F32(expected.clone()),
+    ];
+    let tiles = Blocks::Tiles(Vec2(4, 2));
+    for samples in kinds {
+        for compression in [
+            Compression::PIZ,
+            Compression::RLE,
+            Compression::ZIP1,
+            Compression::Uncompressed,
+        ] {
+            for blocks in [tiles, Blocks::ScanLines] {
+                let picture = part("main", "", compression, blocks, samples.clone());
+                // The picture lies in the second part; a layer with a dotted name before it must not win.
+                let other = part("aux", "albedo.", compression, blocks, FlatSamples::F32(vec![9.0; 15]));
+                assert_eq!(decoded(vec![other, picture]), expected, "{compression} {blocks:?}");
+            }
+        }
+    }
+}
