@@ -21,6 +21,9 @@ fn rectangles() -> Vec<[DVec3; 3]> {
         [v(1.5, 0.0, 1e-3), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0)],
         [v(0.5, 3.0, 0.02), v(2.0, 0.0, 0.0), v(0.0, 1.0, 0.0)],
         [v(0.0, 9.0, 1.0), v(0.001, 0.0, 0.0), v(0.0, 4.0, 0.0)],
+        [v(3.0, 0.5, 1e-5), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0)],
+        [v(0.3, 3.0, -1e-6), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0)],
+        [v(4e3, 1e3, 3e3), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0)],
     ];
     list.push([v(2.0, -1.0, 3.0), v(0.1, 0.8, 0.2), v(0.4, -0.1, 0.2)]); // orthogonal, not along the axes
     list
@@ -100,6 +103,8 @@ fn triangles() -> Vec<[DVec3; 3]> {
         [v(-40.0, -30.0, 1e-3), v(50.0, -20.0, 1e-3), v(3.0, 60.0, 1e-3)],
         [v(1.0, 0.0, 1e-3), v(3.0, -1.0, 1e-3), v(3.0, 1.0, 1e-3)],
         [v(0.0, 5.0, 1.0), v(0.0, 9.0, 1.0), v(0.001, 7.0, 1.0)],
+        [v(2.0, 0.0, 1e-6), v(3.0, -1.0, 1e-6), v(3.0, 1.0, 1e-6)],
+        [v(4e3, 1e3, 3e3), v(4e3, 1e3 + 1.0, 3e3), v(4e3 - 1.0, 1e3, 3e3 + 0.3)],
         [v(1.0, 2.0, -4.0), v(1.5, 1.0, -1.0), v(-3.0, 0.2, -0.7)],
     ]
 }
@@ -123,7 +128,7 @@ fn triangle_samples_are_uniform_in_solid_angle_and_invert() {
             let u = uniform(k as u64, i);
             let q = s.sample(u);
             let p = a * q.barycentric.x + b * q.barycentric.y + c * q.barycentric.z;
-            assert!((p - q.dir * q.distance).length() < 1e-7 * p.length(), "{k}: {p} {q:?}");
+            assert!((p - q.dir * q.distance).length() < 1e-9 * p.length(), "{k}: {p} {q:?}");
             assert!((q.barycentric.element_sum() - 1.0).abs() < 1e-12 && q.barycentric.min_element() >= 0.0);
             let v = s.invert(q.dir);
             assert!((u[0] - v[0]).abs() < 1e-4 && (u[1] - v[1]).abs() < 1e-4, "{k}: {u:?} {v:?}");

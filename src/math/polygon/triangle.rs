@@ -70,9 +70,11 @@ impl SphericalTriangle {
         let k = 2.0 * self.a.dot(h) / h.length_squared();
         let (ca, cc) = ((k * x - 1.0).max(0.0), (k * y).max(0.0));
         let end = self.a * ca + self.c * cc;
-        // A point on the arc b-c' at height 1 - u m above the pole b, m = 1 - b.c'.
+        // A point on the arc b-c' at height 1 - u m towards the pole b, m = 1 - b.c' and 2 - m from chords: either
+        // may be tiny, for a small triangle or one that is almost a hemisphere.
         let m = 0.5 * (self.b - end).length_squared();
-        let t = (u[1] * (2.0 - u[1] * m) / (2.0 - m).max(f64::MIN_POSITIVE)).sqrt();
+        let rest = 0.5 * (self.b + end).length_squared();
+        let t = (u[1] * (2.0 - u[1] * m) / rest.max(f64::MIN_POSITIVE)).sqrt();
         let s = (1.0 - u[1] * m - t * (1.0 - m)).max(0.0);
         let weights = DVec3::new(t * ca, s, t * cc) * self.inv_len;
         let scale = 1.0 / weights.element_sum();

@@ -13,9 +13,9 @@
 use crate::math::polygon::{SphericalRectangle, SphericalTriangle};
 use crate::math::warp::{sample_disk, sample_sphere, sample_triangle};
 use crate::math::{DVec3, Frame, Vec2, Vec3};
-use crate::scene::shape::{Cylinder, Geometry, Rectangle, Sphere};
+use crate::scene::shape::{Cylinder, Geometry, Rectangle, Shape, Sphere};
 use crate::scene::surface::SurfacePoint;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Below this solid angle (sr) planar lamps are sampled by area: there the two agree but for extreme angles, and
 /// rounding of the spherical parametrisation (about 1e-15 absolute) stays below 1e-7 of the density.
@@ -52,46 +52,32 @@ impl LampPoint {
     }
 }
 
-/// Area of primitive `prim`.
-pub(super) fn primitive_area(geometry: &Geometry, prim: usize) -> f64 {
-    let cross = |a: Vec3, b: Vec3| a.as_dvec3().cross(b.as_dvec3()).length();
-    match geometry {
-        Geometry::Mesh(m) => {
-            let [a, b, c] = m.triangles[prim].map(|i| m.positions[i as usize].as_dvec3());
-            0.5 * (b - a).cross(c - a).length()
-        }
-        Geometry::Sphere(s) => 4.0 * PI * (s.radius as f64).powi(2),
-        Geometry::Rectangle(r) => 4.0 * cross(r.ex, r.ey),
-        Geometry::Disk(d) => PI * cross(d.ex, d.ey),
-        Geometry::Cylinder(c) => TAU * c.radius as f64 * c.axis.as_dvec3().length(),
-    }
-}
-
-/// Draws a point of primitive `prim` towards `p`. `None` if the lamp's emitting side cannot be seen from there (left to the
+/// Draws a point of primitive `prim` of `lamp` towards `p`. `None` if the lamp's emitting side cannot be seen from there (left to the
 /// interpolated normal for meshes that have one).
-pub(super) fn sample(geometry: &Geometry, prim: u32, p: Vec3, u: Vec2) -> Option<LampPoint> {
-    match geometry {
+pub(super) fn sample(lamp: &Shape, prim: u32, p: Vec3, u: Vec2) -> Option<LampPoint> {
+    let area = || lamp.primitive_area(prim) as f64;
+    match &lamp.geometry {
         Geometry::Mesh(m) => {
             let corners = m.triangles[prim as usize].map(|i| m.positions[i as usize]);
-            sample_facet(corners, !m.normals.is_empty(), p, u)
+            sample_facet(corners, !m.normals.is_empty(), area, p, u)
         }
-        Geometry::Rectangle(r) => sample_rectangle(r, p, u),
-        Geometry::Sphere(s) => sample_sphere_lamp(s, p, u),
+        Geometry::Rectangle(r) => sample_rectangle(r, area, p, u),
+        Geometry::Sphere(s) => sample_sphere_lamp(s, area(), p, u),
         Geometry::Disk(d) => {
             let height = front_height(d.center, d.n, d.ex.abs() + d.ey.abs(), p)?;
             let q = sample_disk(u);
             let to = relative(d.center, p) + d.ex.as_dvec3() * q.x as f64 + d.ey.as_dvec3() * q.y as f64;
-            LampPoint::new(to, planar_pdf(to, height, primitive_area(geometry, 0)), Vec2::ZERO)
+            LampPoint::new(to, planar_pdf(to, height, area()), Vec2::ZERO)
         }
-        Geometry::Cylinder(c) => sample_cylinder(c, primitive_area(geometry, 0), p, u),
+        Geometry::Cylinder(c) => sample_cylinder(c, area(), p, u),
     }
 }
 
 /// Density with which [`sample`] at `p` draws the point `at` of primitive `prim`.
-pub(super) fn pdf_dir(geometry: &Geometry, prim: u32, p: Vec3, at: &SurfacePoint) -> f32 {
+pub(super) fn pdf_dir(lamp: &Shape, prim: u32, p: Vec3, at: &SurfacePoint) -> f32 {
     let to = relative(at.p, p);
-    let area = || primitive_area(geometry, prim as usize);
-    let pdf = match geometry {
+    let area = || lamp.primitive_area(prim) as f64;
+    let pdf = match &lamp.geometry {
         Geometry::Mesh(m) => {
             let corners = m.triangles[prim as usize].map(|i| m.positions[i as usize]);
             let height = facet_height(corners, p).abs();
@@ -160,7 +146,7 @@ fn spherical_triangle([a, b, c]: [Vec3; 3], p: Vec3) -> Option<SphericalTriangle
     (t.solid_angle() > MIN_SOLID_ANGLE).then_some(t)
 }
 
-fn sample_facet(corners: [Vec3; 3], both_sides: bool, p: Vec3, u: Vec2) -> Option<LampPoint> {
+fn sample_facet(corners: [Vec3; 3], both_sides: bool, area: impl Fn() -> f64, p: Vec3, u: Vec2) -> Option<LampPoint> {
     let height = facet_height(corners, p);
     // Not `height <= 0`: triangles without area have none (NaN).
     if !(height > 0.0 || (both_sides && height < 0.0)) {
@@ -173,9 +159,8 @@ fn sample_facet(corners: [Vec3; 3], both_sides: bool, p: Vec3, u: Vec2) -> Optio
     }
     let [a, b, c] = corners;
     let q = sample_triangle(u);
-    let (ab, ac) = (relative(b, a), relative(c, a));
-    let to = relative(a, p) + ab * q.x as f64 + ac * q.y as f64;
-    LampPoint::new(to, planar_pdf(to, height.abs(), 0.5 * ab.cross(ac).length()), q)
+    let to = relative(a, p) + relative(b, a) * q.x as f64 + relative(c, a) * q.y as f64;
+    LampPoint::new(to, planar_pdf(to, height.abs(), area()), q)
 }
 
 /// A parallelogram in view of a point.
@@ -224,16 +209,15 @@ impl SphericalLamp {
     }
 }
 
-fn sample_rectangle(r: &Rectangle, p: Vec3, u: Vec2) -> Option<LampPoint> {
+fn sample_rectangle(r: &Rectangle, area: impl Fn() -> f64, p: Vec3, u: Vec2) -> Option<LampPoint> {
     let height = front_height(r.center, r.n, r.ex.abs() + r.ey.abs(), p)?;
     if let Some(lamp) = SphericalLamp::new(r, p) {
         let to = lamp.sample([u.x as f64, u.y as f64]);
         return LampPoint::new(to, 1.0 / lamp.solid_angle(), Vec2::ZERO);
     }
-    let (x, y) = (r.ex.as_dvec3(), r.ey.as_dvec3());
     let q = u.as_dvec2() * 2.0 - 1.0;
-    let to = relative(r.center, p) + x * q.x + y * q.y;
-    LampPoint::new(to, planar_pdf(to, height, 4.0 * x.cross(y).length()), Vec2::ZERO)
+    let to = relative(r.center, p) + r.ex.as_dvec3() * q.x + r.ey.as_dvec3() * q.y;
+    LampPoint::new(to, planar_pdf(to, height, area()), Vec2::ZERO)
 }
 
 /// How a sphere's emitting side is seen.
@@ -260,7 +244,7 @@ impl SphereView {
     }
 }
 
-fn sample_sphere_lamp(s: &Sphere, p: Vec3, u: Vec2) -> Option<LampPoint> {
+fn sample_sphere_lamp(s: &Sphere, area: f64, p: Vec3, u: Vec2) -> Option<LampPoint> {
     let radius = s.radius as f64;
     let center = relative(s.center, p);
     match SphereView::new(s, p)? {
@@ -282,18 +266,15 @@ fn sample_sphere_lamp(s: &Sphere, p: Vec3, u: Vec2) -> Option<LampPoint> {
         SphereView::Inside => {
             let n = sample_sphere(u).as_dvec3().normalize();
             let to = center + n * radius;
-            LampPoint::new(to, curved_pdf(to, n, 2.0 * TAU * radius * radius), Vec2::ZERO)
+            LampPoint::new(to, curved_pdf(to, n, area), Vec2::ZERO)
         }
     }
 }
 
 fn sample_cylinder(c: &Cylinder, area: f64, p: Vec3, u: Vec2) -> Option<LampPoint> {
-    let axis = c.axis.as_dvec3();
-    let x = c.reference.as_dvec3();
-    let y = axis.normalize_or_zero().cross(x);
     let (sin, cos) = (TAU * u.y as f64).sin_cos();
-    let n = x * cos + y * sin;
-    let to = relative(c.p0, p) + axis * u.x as f64 + n * c.radius as f64;
+    let n = c.reference.as_dvec3() * cos + c.binormal.as_dvec3() * sin;
+    let to = relative(c.p0, p) + c.axis.as_dvec3() * u.x as f64 + n * c.radius as f64;
     let front = if c.flip { to.dot(n) > 0.0 } else { to.dot(n) < 0.0 };
     front.then(|| LampPoint::new(to, curved_pdf(to, n, area), Vec2::ZERO)).flatten()
 }

@@ -126,18 +126,19 @@ impl Lights {
     }
 
     fn add_lamp(&mut self, index: u32, shape: &Shape, radiance: Rgb, weights: &mut Vec<f64>) {
-        let (kind, count) = match &shape.geometry {
-            Geometry::Mesh(m) => ("mesh", m.triangles.len()),
-            Geometry::Sphere(_) => ("sphere", 1),
-            Geometry::Rectangle(_) => ("rectangle", 1),
-            Geometry::Disk(_) => ("disk", 1),
-            Geometry::Cylinder(_) => ("cylinder", 1),
+        let kind = match &shape.geometry {
+            Geometry::Mesh(_) => "mesh",
+            Geometry::Sphere(_) => "sphere",
+            Geometry::Rectangle(_) => "rectangle",
+            Geometry::Disk(_) => "disk",
+            Geometry::Cylinder(_) => "cylinder",
         };
+        let count = shape.primitive_count();
         let light = self.infos.len() as u32;
         self.first_emitter[index as usize] = self.emitters.len() as u32;
         let mut area = 0.0;
         for prim in 0..count {
-            let a = area::primitive_area(&shape.geometry, prim);
+            let a = shape.primitive_area(prim as u32) as f64;
             area += a;
             weights.push(std::f64::consts::PI * a * mean_channel(radiance));
             self.emitters.push(Emitter { light, source: Source::Surface { shape: index, prim: prim as u32 } });
@@ -186,7 +187,7 @@ impl Lights {
         match source {
             Source::Surface { shape, prim } => {
                 let lamp = &shapes[shape as usize];
-                let q = area::sample(&lamp.geometry, prim, p, u)?;
+                let q = area::sample(lamp, prim, p, u)?;
                 let radiance = lamp_radiance(lamp, textures, shape, prim, p, &q);
                 let pdf_dir = q.pdf_dir * pmf;
                 (radiance != Rgb::ZERO).then(|| LightSample {
@@ -230,9 +231,9 @@ impl Lights {
         if first == NO_EMITTER {
             return 0.0;
         }
-        let geometry = &shapes[at.shape as usize].geometry;
-        let prim = if matches!(geometry, Geometry::Mesh(_)) { at.prim } else { 0 };
-        area::pdf_dir(geometry, prim, p, at) * self.table.pmf((first + prim) as usize)
+        let lamp = &shapes[at.shape as usize];
+        let prim = if matches!(lamp.geometry, Geometry::Mesh(_)) { at.prim } else { 0 };
+        area::pdf_dir(lamp, prim, p, at) * self.table.pmf((first + prim) as usize)
     }
 
     /// Radiance from infinity along the unit direction `w` (away from the scene): all environment lights.
