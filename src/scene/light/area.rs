@@ -18,8 +18,8 @@ use crate::scene::surface::SurfacePoint;
 use std::f64::consts::TAU;
 
 /// Below this solid angle (sr) planar lamps are sampled by area: there the two agree but for extreme angles, and
-/// rounding of the spherical parametrisation (about 1e-15 absolute) stays below 1e-7 of the density.
-const MIN_SOLID_ANGLE: f64 = 1e-7;
+/// rounding of the spherical parametrisation of a rectangle seen edge-on has grown to 1e-5 of its width.
+const MIN_SOLID_ANGLE: f64 = 1e-6;
 
 /// A point lies in a lamp's plane if it is no further from it than this fraction of the coordinates (5 units in the
 /// last place of f32).
