@@ -270,7 +270,7 @@ mod tests {
         beyond[last] = 4;
         assert!(error(&file(4, &[beyond]), 0).contains("triangle 1 refers to a vertex beyond"));
         assert!(error(&file(4, &[good[..60].to_vec()]), 0).contains("data end in the positions"));
-        let mut damaged = file(4, &[good.clone()]);
+        let mut damaged = file(4, std::slice::from_ref(&good));
         damaged[20] ^= 0xff;
         assert!(error(&damaged, 0).starts_with("Byte(0)"));
         let mut table = file(3, &[body(3, 0, 0.0)]);

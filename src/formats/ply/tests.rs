@@ -7,7 +7,9 @@ const HEADER: &str = "comment made by hand\nobj_info nothing\nelement vertex 5\n
     property uchar flags\nproperty list ushort uint vertex_indices\nproperty list uchar int other\nend_header\n";
 
 /// x, y, z, red, normal, s, t.
-const VERTICES: [(f32, f64, i16, u8, [f32; 3], [f32; 2]); 5] = [
+type Vertex = (f32, f64, i16, u8, [f32; 3], [f32; 2]);
+
+const VERTICES: [Vertex; 5] = [
     (0.0, 0.0, 0, 9, [0.0, 0.0, 1.0], [0.0, 0.0]),
     (1.0, 0.0, 0, 9, [0.0, 0.0, 1.0], [1.0, 0.0]),
     (1.0, 1.5, 0, 9, [0.0, 0.0, 1.0], [1.0, 0.25]),

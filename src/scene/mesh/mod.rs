@@ -210,6 +210,5 @@ fn area(corners: [Vec3; 3]) -> f64 {
 
 /// Whether a triangle's area and its reciprocal are finite and not zero in f32; false for NaN.
 fn has_area(corners: [Vec3; 3]) -> bool {
-    let a = area(corners);
-    a >= 1e-37 && a <= 1e37
+    (1e-37..=1e37).contains(&area(corners))
 }

@@ -23,7 +23,7 @@ pub(super) fn transformed(normals: &[Vec3], to_world: &DMat4) -> Vec<Vec3> {
 
 /// Rows of a multiple above zero of the inverse transpose of the upper 3x3 of `m`: the cofactors with the determinant's
 /// sign, which exist for flattening matrices (determinant 0) as well.
-pub(in crate::scene) fn normal_matrix(m: &DMat4) -> [DVec3; 3] {
+fn normal_matrix(m: &DMat4) -> [DVec3; 3] {
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
     let columns = [y.cross(z), z.cross(x), x.cross(y)];
     let sign = if x.dot(columns[0]) < 0.0 { -1.0 } else { 1.0 };

@@ -33,7 +33,7 @@ impl Shape {
         let (lo, hi) = shape.bounds();
         let area = shape.area();
         // A density per area must exist in f32: neither the area nor its reciprocal may overflow.
-        if !(lo.is_finite() && hi.is_finite() && area >= 1e-37 && area <= 1e37) {
+        if !(lo.is_finite() && hi.is_finite() && (1e-37..=1e37).contains(&area)) {
             return Err(format!("the shape has an area of {area:e}, which cannot be rendered"));
         }
         Ok(shape)
