@@ -12,7 +12,7 @@
 //! let pixel = Family::fixed(vec3(0.0, 0.0, 0.0), vec3(0.0, 0.0, 1.0), [vec3(0.1, 0.0, 0.0), vec3(0.0, 0.1, 0.0)]);
 //! // The centre ray passes a small sphere; the pixel does not.
 //! let ball = Sphere::new(vec3(0.3, 0.0, 5.0), 0.1);
-//! let ray = pixel.ray::<Dual2SVec64<2>>();
+//! let ray = pixel.fixed_ray::<Dual2SVec64<2>>();
 //! assert!(ball.hit(&ray, 0.0, 1e9).is_none());
 //! // The margin is a polynomial of degree 2, so its second-order expansion is exact, and `bounds` misses nothing.
 //! let m = margins::sphere(&ray, &ball).expansion();

@@ -30,22 +30,22 @@ pub trait Scalar: DualNumFloat + DualNum<Primitive = Self, InnerDual = Self> {
 }
 
 impl Scalar for f32 {
-    #[inline]
+    #[inline(always)]
     fn of(x: f64) -> f32 {
         x as f32
     }
-    #[inline]
+    #[inline(always)]
     fn to_f64(self) -> f64 {
         f64::from(self)
     }
 }
 
 impl Scalar for f64 {
-    #[inline]
+    #[inline(always)]
     fn of(x: f64) -> f64 {
         x
     }
-    #[inline]
+    #[inline(always)]
     fn to_f64(self) -> f64 {
         self
     }
@@ -59,7 +59,7 @@ impl<T: DualNum<Primitive: Scalar> + Copy> Real for T {}
 pub type Prim<T> = <T as DualNum>::Primitive;
 
 /// A constant: all derivatives zero.
-#[inline]
+#[inline(always)]
 pub fn constant<T: Real>(x: Prim<T>) -> T {
     <T as From<Prim<T>>>::from(x)
 }
@@ -90,7 +90,7 @@ pub trait Jet<const N: usize>: Real {
     fn hessian(&self) -> [[Prim<Self>; N]; N];
 
     /// Value, gradient and Hessian in one.
-    #[inline]
+    #[inline(always)]
     fn expansion(&self) -> Expansion<Prim<Self>, N> {
         Expansion { order: Self::NDERIV, value: self.re(), gradient: self.gradient(), hessian: self.hessian() }
     }
@@ -99,15 +99,15 @@ pub trait Jet<const N: usize>: Real {
 macro_rules! plain_jet {
     ($float:ty) => {
         impl<const N: usize> Jet<N> for $float {
-            #[inline]
+            #[inline(always)]
             fn jet(value: $float, _: [$float; N]) -> $float {
                 value
             }
-            #[inline]
+            #[inline(always)]
             fn gradient(&self) -> [$float; N] {
                 [0.0; N]
             }
-            #[inline]
+            #[inline(always)]
             fn hessian(&self) -> [[$float; N]; N] {
                 [[0.0; N]; N]
             }
@@ -118,30 +118,30 @@ plain_jet!(f32);
 plain_jet!(f64);
 
 impl<F: Scalar, const N: usize> Jet<N> for DualSVec<F, N> {
-    #[inline]
+    #[inline(always)]
     fn jet(value: F, gradient: [F; N]) -> Self {
         DualSVec::new(value, Derivative::some(SVector::from(gradient)))
     }
-    #[inline]
+    #[inline(always)]
     fn gradient(&self) -> [F; N] {
         self.eps.0.map_or([F::zero(); N], |e| e.data.0[0])
     }
-    #[inline]
+    #[inline(always)]
     fn hessian(&self) -> [[F; N]; N] {
         [[F::zero(); N]; N]
     }
 }
 
 impl<F: Scalar, const N: usize> Jet<N> for Dual2SVec<F, N> {
-    #[inline]
+    #[inline(always)]
     fn jet(value: F, gradient: [F; N]) -> Self {
         Dual2SVec::new(value, Derivative::some(RowSVector::from_fn(|_, k| gradient[k])), Derivative::none())
     }
-    #[inline]
+    #[inline(always)]
     fn gradient(&self) -> [F; N] {
         self.v1.0.map_or([F::zero(); N], |e| e.data.0.map(|column| column[0]))
     }
-    #[inline]
+    #[inline(always)]
     fn hessian(&self) -> [[F; N]; N] {
         self.v2.0.map_or([[F::zero(); N]; N], |h: SMatrix<F, N, N>| h.data.0)
     }

@@ -44,7 +44,7 @@ impl<F: Scalar> Projector<F> {
     }
 
     /// Homogeneous coordinates (w, w p1, w p2) of a point; it is in front if w > 0 and in the footprint if |w p_i| <= w.
-    #[inline]
+    #[inline(always)]
     pub fn project(&self, x: Vec3<F>) -> [F; 3] {
         let v = x - self.o;
         self.rows.map(|r| r.dot(v))
@@ -87,7 +87,7 @@ impl<F: Scalar> Projector<F> {
 }
 
 /// Shrinks [s0, s1] to where the linear function with f(0) = `fa`, f(1) = `fb` is not negative.
-#[inline]
+#[inline(always)]
 fn keep_positive<F: Scalar>(fa: F, fb: F, s0: &mut F, s1: &mut F) {
     let zero = F::zero();
     if fa >= zero && fb >= zero {

@@ -8,7 +8,7 @@ use crate::real::{Real, Scalar};
 use crate::vec3::Vec3;
 
 /// Positive, near the border, for directions inside the cone with half angle acos(`cos`). Units: |axis|^2 |d|^2.
-#[inline]
+#[inline(always)]
 pub fn cone<T: Real>(d: Vec3<T>, axis: Vec3<T::Primitive>, cos: T::Primitive) -> T {
     let ad = Vec3::lift(axis).dot(d);
     let m = ad * ad - d.norm2() * (cos * cos * axis.norm2());
@@ -16,7 +16,7 @@ pub fn cone<T: Real>(d: Vec3<T>, axis: Vec3<T::Primitive>, cos: T::Primitive) ->
 }
 
 /// Positive on the side of the apex where the cone's border is (degree 1).
-#[inline]
+#[inline(always)]
 pub fn cone_guard<T: Real>(d: Vec3<T>, axis: Vec3<T::Primitive>, cos: T::Primitive) -> T {
     let ad = Vec3::lift(axis).dot(d);
     if cos < T::Primitive::of(0.0) { -ad } else { ad }

@@ -10,7 +10,7 @@ use crate::shapes::Cylinder;
 use crate::vec3::Vec3;
 
 /// The discriminant of the infinite cylinder: positive inside its silhouette. Units: length^4 |d|^2.
-#[inline]
+#[inline(always)]
 pub fn cylinder<T: Real>(ray: &Ray<T>, c: &Cylinder<T::Primitive>) -> T {
     c.discriminant(ray)
 }

@@ -7,14 +7,14 @@ use crate::vec3::Vec3;
 
 /// `n.d`. With n the receiver's normal and d towards the light: positive above the horizon. With n the *negative* normal of an
 /// emitter: positive in front of it. Units: |n| |d|.
-#[inline]
+#[inline(always)]
 pub fn facing<T: Real>(d: Vec3<T>, n: Vec3<T::Primitive>) -> T {
     Vec3::lift(n).dot(d)
 }
 
 /// True if an edge through point `x`, between faces with normals `n1` and `n2` (same orientation), is a silhouette
 /// from `o`: one face turns towards o, the other away. A face seen exactly edge-on counts as turned away.
-#[inline]
+#[inline(always)]
 pub fn is_silhouette<F: Scalar>(o: Vec3<F>, x: Vec3<F>, n1: Vec3<F>, n2: Vec3<F>) -> bool {
     let v = o - x;
     (n1.dot(v) > F::zero()) != (n2.dot(v) > F::zero())

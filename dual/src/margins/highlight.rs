@@ -26,7 +26,7 @@ pub fn ggx_border<F: Scalar>(alpha: F, tau: F) -> Option<F> {
 
 /// Positive inside the highlight of a half-vector lobe: `d` towards the light (any length), `w` the **unit** vector towards the
 /// viewer, `n` the normal, `cos` the border ([`ggx_border`]). Units: |n|^2 |d|^2.
-#[inline]
+#[inline(always)]
 pub fn half_vector<T: Real>(d: Vec3<T>, w: Vec3<T>, n: Vec3<T>, cos: T::Primitive) -> T {
     let h = d + w * d.norm();
     let nh = n.dot(h);

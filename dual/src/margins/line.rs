@@ -20,13 +20,13 @@ use crate::vec3::Vec3;
 /// assert_eq!(margins::line(&down, a, b), 0.5);
 /// assert_eq!(margins::line_distance(&down, a, b), 0.25);
 /// ```
-#[inline]
+#[inline(always)]
 pub fn line<T: Real>(ray: &Ray<T>, a: Vec3<T::Primitive>, b: Vec3<T::Primitive>) -> T {
     (Vec3::lift(a) - ray.o).cross(Vec3::lift(b) - ray.o).dot(ray.d)
 }
 
 /// Signed distance between the ray's line and the line a-b (same sign as [`line()`]). Not finite if they are parallel.
-#[inline]
+#[inline(always)]
 pub fn line_distance<T: Real>(ray: &Ray<T>, a: Vec3<T::Primitive>, b: Vec3<T::Primitive>) -> T {
     line(ray, a, b) * Vec3::lift(b - a).cross(ray.d).norm().recip()
 }

@@ -9,7 +9,7 @@ use crate::shapes::Disk;
 use crate::vec3::Vec3;
 
 /// Positive where the ray's line passes through the disk. Units: length^2 |n|^2 |d|^2.
-#[inline]
+#[inline(always)]
 pub fn rim<T: Real>(ray: &Ray<T>, disk: &Disk<T::Primitive>) -> T {
     let n = Vec3::lift(disk.normal);
     let m = Vec3::lift(disk.centre) - ray.o;
@@ -20,7 +20,7 @@ pub fn rim<T: Real>(ray: &Ray<T>, disk: &Disk<T::Primitive>) -> T {
 }
 
 /// Positive where the disk's plane is in front of the origin: `n.d` with n turned away from the origin (degree 1).
-#[inline]
+#[inline(always)]
 pub fn rim_guard<T: Real>(ray: &Ray<T>, disk: &Disk<T::Primitive>) -> T {
     let n = disk.plane().facing_away(ray.o.re()).normal;
     Vec3::lift(n).dot(ray.d)

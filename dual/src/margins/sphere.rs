@@ -8,20 +8,20 @@ use crate::shapes::{Disk, Sphere};
 use crate::vec3::Vec3;
 
 /// The discriminant: positive inside the silhouette. Units: length^2 |d|^2.
-#[inline]
+#[inline(always)]
 pub fn sphere<T: Real>(ray: &Ray<T>, s: &Sphere<T::Primitive>) -> T {
     s.discriminant(ray)
 }
 
 /// Positive where the sphere is in front of the origin (degree 1).
-#[inline]
+#[inline(always)]
 pub fn sphere_guard<T: Real>(ray: &Ray<T>, s: &Sphere<T::Primitive>) -> T {
     (Vec3::lift(s.centre) - ray.o).dot(ray.d)
 }
 
 /// `D / (2 R d.d)`: to first order the distance by which the ray's line passes inside (positive) or outside the silhouette.
 /// Smooth everywhere, also for a ray through the centre, where R - |impact| has a kink. Not polynomial.
-#[inline]
+#[inline(always)]
 pub fn sphere_distance<T: Real>(ray: &Ray<T>, s: &Sphere<T::Primitive>) -> T {
     sphere(ray, s) * (ray.d.norm2() * (s.radius + s.radius)).recip()
 }

@@ -12,7 +12,7 @@ use crate::vec3::Vec3;
 /// Negative where plane A is nearer, positive where B is, among rays that meet both. Units: length |n_A| |n_B| |d|.
 ///
 /// Zero on the whole line the planes share; for finite polygons clip [`shared_segment`] instead.
-#[inline]
+#[inline(always)]
 pub fn swap<T: Real>(ray: &Ray<T>, a: &Plane<T::Primitive>, b: &Plane<T::Primitive>) -> T {
     let o = ray.o.re();
     let (a, b) = (a.facing_away(o), b.facing_away(o));
@@ -21,7 +21,7 @@ pub fn swap<T: Real>(ray: &Ray<T>, a: &Plane<T::Primitive>, b: &Plane<T::Primiti
 
 /// `1 / t` of a plane: `n.d / tau`. Affine in p for a fixed origin, so that "plane A is nearer than B in all of a convex
 /// region" needs only the region's corners. Negative behind; not finite if the origin lies in the plane.
-#[inline]
+#[inline(always)]
 pub fn inverse_depth<T: Real>(ray: &Ray<T>, plane: &Plane<T::Primitive>) -> T {
     Vec3::lift(plane.normal).dot(ray.d) * plane.tau(ray.o).recip()
 }

@@ -45,7 +45,7 @@ macro_rules! exact {
                 let $shape = $setup;
                 let eval = |$ray: &Ray<$order>| $margin;
                 let plain = |$ray: &Ray<f64>| $margin;
-                let m = eval(&family.ray()).expansion();
+                let m = eval(&family.fixed_ray()).expansion();
                 for _ in 0..4 {
                     let p = [$world.rng.range(-1.0, 1.0), $world.rng.range(-1.0, 1.0)];
                     let e = truncation(&m, plain(&family.at(p)), p);

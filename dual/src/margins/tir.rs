@@ -9,7 +9,7 @@ use crate::vec3::Vec3;
 /// Positive where light is transmitted, zero at the critical angle, negative under total reflection. Units: |n|^2 |d|^2.
 ///
 /// For eta <= 1 it is positive for every direction.
-#[inline]
+#[inline(always)]
 pub fn total_reflection<T: Real>(d: Vec3<T>, n: Vec3<T>, eta: T::Primitive) -> T {
     let nd = n.dot(d);
     let nn_dd = n.norm2() * d.norm2();

@@ -14,7 +14,7 @@ use crate::real::Real;
 use crate::vec3::Vec3;
 
 /// `n` turned against `d`, so that n.d <= 0; decided by the real part.
-#[inline]
+#[inline(always)]
 pub fn face_against<T: Real>(n: Vec3<T>, d: Vec3<T>) -> Vec3<T> {
     if n.dot(d).re() > <T::Primitive as crate::Scalar>::of(0.0) { -n } else { n }
 }

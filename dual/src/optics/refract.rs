@@ -27,7 +27,7 @@ pub struct Refraction<T> {
 /// let out_of_glass = refract(vec3(0.6f64, -0.8, 0.0), vec3(0.0, 1.0, 0.0), 2.0);
 /// assert!(out_of_glass.direction.is_none() && out_of_glass.margin < 0.0);
 /// ```
-#[inline]
+#[inline(always)]
 pub fn refract<T: Real>(d: Vec3<T>, n: Vec3<T>, eta: T::Primitive) -> Refraction<T> {
     let c = -d.dot(n);
     let d2 = d.norm2();

@@ -27,20 +27,20 @@ impl<F: Scalar> Cylinder<F> {
     }
 
     /// Axis `b - a`, as long as the cylinder.
-    #[inline]
+    #[inline(always)]
     pub fn axis(&self) -> Vec3<F> {
         self.b - self.a
     }
 
     /// The two disks that would close it: at a and at b, normals along the axis outwards.
-    #[inline]
+    #[inline(always)]
     pub fn caps(&self) -> [super::Disk<F>; 2] {
         let n = self.axis();
         [super::Disk::new(self.a, -n, self.radius), super::Disk::new(self.b, n, self.radius)]
     }
 
     /// Discriminant of the infinite cylinder: positive where the ray's line enters it. Scales with |d|^2 |A|^2.
-    #[inline]
+    #[inline(always)]
     pub fn discriminant<T: Real<Primitive = F>>(&self, ray: &Ray<T>) -> T {
         let axis = Vec3::lift(self.axis());
         let m = Vec3::lift(self.a) - ray.o;
@@ -50,7 +50,7 @@ impl<F: Scalar> Cylinder<F> {
 
     /// Ray parameter of the chosen root on the infinite cylinder; the closest approach to the axis where there is none
     /// (like [`super::Sphere::t`]); not finite for a ray along the axis.
-    #[inline]
+    #[inline(always)]
     pub fn t<T: Real<Primitive = F>>(&self, ray: &Ray<T>, root: Root) -> T {
         let (mid, half, _) = self.roots(ray);
         match root {
@@ -60,7 +60,7 @@ impl<F: Scalar> Cylinder<F> {
     }
 
     /// Nearest intersection in (t_min, t_max) between the rims, from outside or inside.
-    #[inline]
+    #[inline(always)]
     pub fn hit<T: Real<Primitive = F>>(&self, ray: &Ray<T>, t_min: F, t_max: F) -> Option<(T, Root)> {
         let (mid, half, crossing) = self.roots(ray);
         if !crossing {
@@ -79,28 +79,28 @@ impl<F: Scalar> Cylinder<F> {
     }
 
     /// Position along the axis: 0 at the rim of a, 1 at the rim of b.
-    #[inline]
+    #[inline(always)]
     pub fn height<T: Real<Primitive = F>>(&self, p: Vec3<T>) -> T {
         let axis = self.axis();
         (p - Vec3::lift(self.a)).dot(Vec3::lift(axis.scale(axis.norm2().recip())))
     }
 
     /// Outward unit normal at a point of the mantle.
-    #[inline]
+    #[inline(always)]
     pub fn normal<T: Real<Primitive = F>>(&self, p: Vec3<T>) -> Vec3<T> {
         let q = p - Vec3::lift(self.a);
         (q - Vec3::lift(self.axis()) * self.height(p)).scale(self.radius.recip())
     }
 
     /// True if `o` lies strictly outside the infinite cylinder; from inside there are no silhouette lines.
-    #[inline]
+    #[inline(always)]
     pub fn is_outside(&self, o: Vec3<F>) -> bool {
         let axis = self.axis();
         (o - self.a).cross(axis).norm2() > self.radius * self.radius * axis.norm2()
     }
 
     /// Middle and half distance of the two roots, and whether they are real.
-    #[inline]
+    #[inline(always)]
     fn roots<T: Real<Primitive = F>>(&self, ray: &Ray<T>) -> (T, T, bool) {
         let axis = Vec3::lift(self.axis());
         let m = Vec3::lift(self.a) - ray.o;

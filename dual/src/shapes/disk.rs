@@ -26,19 +26,19 @@ impl<F: Scalar> Disk<F> {
     }
 
     /// The plane it lies in.
-    #[inline]
+    #[inline(always)]
     pub fn plane(&self) -> Plane<F> {
         Plane::new(self.centre, self.normal)
     }
 
     /// Ray parameter on the disk's plane, whether inside or not.
-    #[inline]
+    #[inline(always)]
     pub fn t<T: Real<Primitive = F>>(&self, ray: &Ray<T>) -> T {
         self.plane().t(ray)
     }
 
     /// The `t` in (t_min, t_max), if the ray meets the disk there, from either side.
-    #[inline]
+    #[inline(always)]
     pub fn hit<T: Real<Primitive = F>>(&self, ray: &Ray<T>, t_min: F, t_max: F) -> Option<T> {
         if !(margins::rim(&ray.re(), self) >= F::zero()) {
             return None;

@@ -20,26 +20,26 @@ impl<F: Scalar> Plane<F> {
     }
 
     /// `n.(c - o)`: the origin's distance *below* the plane, times |n|; positive if the normal points away from the origin.
-    #[inline]
+    #[inline(always)]
     pub fn tau<T: Real<Primitive = F>>(&self, o: Vec3<T>) -> T {
         Vec3::lift(self.normal).dot(Vec3::lift(self.point) - o)
     }
 
     /// Ray parameter at which the ray's line meets the plane; not finite for a parallel ray.
-    #[inline]
+    #[inline(always)]
     pub fn t<T: Real<Primitive = F>>(&self, ray: &Ray<T>) -> T {
         self.tau(ray.o) * Vec3::lift(self.normal).dot(ray.d).recip()
     }
 
     /// The `t` in (t_min, t_max), if the ray meets the plane there.
-    #[inline]
+    #[inline(always)]
     pub fn hit<T: Real<Primitive = F>>(&self, ray: &Ray<T>, t_min: F, t_max: F) -> Option<T> {
         let t = self.t(ray);
         (t.re() > t_min && t.re() < t_max).then_some(t)
     }
 
     /// The same plane with its normal pointing away from `o`, so that `tau(o) >= 0` and rays meet it where `n.d > 0`.
-    #[inline]
+    #[inline(always)]
     pub fn facing_away(&self, o: Vec3<F>) -> Self {
         if self.tau(o) < F::zero() { Self { normal: -self.normal, ..*self } } else { *self }
     }

@@ -26,45 +26,45 @@ impl<F: Scalar> Rectangle<F> {
     }
 
     /// `e1 x e2`: the normal, a quarter of the area long.
-    #[inline]
+    #[inline(always)]
     pub fn area_normal(&self) -> Vec3<F> {
         self.e1.cross(self.e2)
     }
 
     /// Unit normal.
-    #[inline]
+    #[inline(always)]
     pub fn normal(&self) -> Vec3<F> {
         self.area_normal().normalized()
     }
 
     /// The plane it lies in (normal not of unit length).
-    #[inline]
+    #[inline(always)]
     pub fn plane(&self) -> Plane<F> {
         Plane::new(self.centre, self.area_normal())
     }
 
     /// Corners, counter-clockwise about the normal: (-,-), (+,-), (+,+), (-,+).
-    #[inline]
+    #[inline(always)]
     pub fn corners(&self) -> [Vec3<F>; 4] {
         let (c, a, b) = (self.centre, self.e1, self.e2);
         [c - a - b, c + a - b, c + a + b, c - a + b]
     }
 
     /// The four edges, counter-clockwise about the normal.
-    #[inline]
+    #[inline(always)]
     pub fn edges(&self) -> [[Vec3<F>; 2]; 4] {
         let [a, b, c, d] = self.corners();
         [[a, b], [b, c], [c, d], [d, a]]
     }
 
     /// Ray parameter on the rectangle's plane, whether inside or not.
-    #[inline]
+    #[inline(always)]
     pub fn t<T: Real<Primitive = F>>(&self, ray: &Ray<T>) -> T {
         self.plane().t(ray)
     }
 
     /// Coordinates (u, v) of a point of the plane; inside is [-1,1]^2.
-    #[inline]
+    #[inline(always)]
     pub fn uv<T: Real<Primitive = F>>(&self, p: Vec3<T>) -> [T; 2] {
         let n = self.area_normal();
         let inv = n.norm2().recip();
@@ -73,7 +73,7 @@ impl<F: Scalar> Rectangle<F> {
     }
 
     /// The `t` in (t_min, t_max), if the ray meets the rectangle there, from either side.
-    #[inline]
+    #[inline(always)]
     pub fn hit<T: Real<Primitive = F>>(&self, ray: &Ray<T>, t_min: F, t_max: F) -> Option<T> {
         let r = ray.re();
         let m = self.edges().map(|[a, b]| margins::line(&r, a, b));

@@ -25,7 +25,7 @@ impl<F: Scalar> Sphere<F> {
     }
 
     /// Discriminant: positive where the ray's line pierces the sphere, zero on the silhouette. Scales with |d|^2.
-    #[inline]
+    #[inline(always)]
     pub fn discriminant<T: Real<Primitive = F>>(&self, ray: &Ray<T>) -> T {
         let m = Vec3::lift(self.centre) - ray.o;
         ray.d.norm2() * (self.radius * self.radius) - m.cross(ray.d).norm2()
@@ -35,7 +35,7 @@ impl<F: Scalar> Sphere<F> {
     ///
     /// Where the ray misses, or grazes so closely that D is rounding noise, this is the point of closest approach and its
     /// derivative; so the result is finite for every ray.
-    #[inline]
+    #[inline(always)]
     pub fn t<T: Real<Primitive = F>>(&self, ray: &Ray<T>, root: Root) -> T {
         let m = Vec3::lift(self.centre) - ray.o;
         let a = ray.d.norm2();
@@ -50,7 +50,7 @@ impl<F: Scalar> Sphere<F> {
     }
 
     /// Nearest intersection in (t_min, t_max). A ray that only touches does not hit.
-    #[inline]
+    #[inline(always)]
     pub fn hit<T: Real<Primitive = F>>(&self, ray: &Ray<T>, t_min: F, t_max: F) -> Option<(T, Root)> {
         let m = Vec3::lift(self.centre) - ray.o;
         let a = ray.d.norm2();
@@ -70,19 +70,19 @@ impl<F: Scalar> Sphere<F> {
     }
 
     /// Outward unit normal at a point of the sphere: n' = P' / R.
-    #[inline]
+    #[inline(always)]
     pub fn normal<T: Real<Primitive = F>>(&self, p: Vec3<T>) -> Vec3<T> {
         (p - Vec3::lift(self.centre)).scale(self.radius.recip())
     }
 
     /// True if `o` lies strictly outside; from inside there is no silhouette.
-    #[inline]
+    #[inline(always)]
     pub fn is_outside(&self, o: Vec3<F>) -> bool {
         (o - self.centre).norm2() > self.radius * self.radius
     }
 
     /// D large enough for its root to be differentiable in practice.
-    #[inline]
+    #[inline(always)]
     fn is_crossing(&self, disc: F, scale: F) -> bool {
         let eps = F::of(GRAZING_EPS) * F::epsilon();
         disc > scale * (eps * eps)

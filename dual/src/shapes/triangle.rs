@@ -28,31 +28,31 @@ impl<F: Scalar> Triangle<F> {
     }
 
     /// `(b - a) x (c - a)`: the normal, twice the area long.
-    #[inline]
+    #[inline(always)]
     pub fn area_normal(&self) -> Vec3<F> {
         (self.b - self.a).cross(self.c - self.a)
     }
 
     /// Unit normal; not finite for a triangle without area.
-    #[inline]
+    #[inline(always)]
     pub fn normal(&self) -> Vec3<F> {
         self.area_normal().normalized()
     }
 
     /// The plane it lies in (normal not of unit length).
-    #[inline]
+    #[inline(always)]
     pub fn plane(&self) -> Plane<F> {
         Plane::new(self.a, self.area_normal())
     }
 
     /// The three edges, in the order opposite to c, a, b: ab, bc, ca.
-    #[inline]
+    #[inline(always)]
     pub fn edges(&self) -> [[Vec3<F>; 2]; 3] {
         [[self.a, self.b], [self.b, self.c], [self.c, self.a]]
     }
 
     /// Ray parameter on the triangle's plane, whether inside or not.
-    #[inline]
+    #[inline(always)]
     pub fn t<T: Real<Primitive = F>>(&self, ray: &Ray<T>) -> T {
         self.plane().t(ray)
     }
@@ -64,7 +64,7 @@ impl<F: Scalar> Triangle<F> {
     /// let tri = Triangle::new(vec3(0.0, 0.0, 0.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 4.0, 0.0));
     /// assert_eq!(tri.barycentrics(vec3(1.0, 1.0, 0.0)), [0.25, 0.5, 0.25]);
     /// ```
-    #[inline]
+    #[inline(always)]
     pub fn barycentrics<T: Real<Primitive = F>>(&self, p: Vec3<T>) -> [T; 3] {
         let (e1, e2) = (self.b - self.a, self.c - self.a);
         let n = e1.cross(e2);
@@ -77,7 +77,7 @@ impl<F: Scalar> Triangle<F> {
     }
 
     /// The `t` in (t_min, t_max), if the ray meets the triangle there, from either side.
-    #[inline]
+    #[inline(always)]
     pub fn hit<T: Real<Primitive = F>>(&self, ray: &Ray<T>, t_min: F, t_max: F) -> Option<T> {
         let r = ray.re();
         let m = self.edges().map(|[a, b]| margins::line(&r, a, b));

@@ -41,7 +41,7 @@ fn cylinder(rng: &mut Rng) -> Scene {
     Scene::new().with(Cylinder::new(at(rng), at(rng), rng.range(0.05, 0.6)))
 }
 
-/// Totals over many random scenes.
+/// Totals over many random scenes; a third of them in debug builds.
 fn total(
     make: impl Fn(&mut Rng) -> Scene,
     scenes: usize,
@@ -50,6 +50,7 @@ fn total(
     tests: &[(Test, usize)],
 ) -> Vec<Score> {
     let mut rng = Rng::new(99);
+    let scenes = if cfg!(debug_assertions) { scenes / 3 } else { scenes };
     let mut sum = vec![Score::default(); tests.len()];
     for _ in 0..scenes {
         let scene = make(&mut rng);
@@ -71,7 +72,7 @@ const FOUR: Test = Test::Corners(Neighbours::Corners);
 fn bounds_miss_nothing_on_polygons_at_first_order() {
     let s = total(polygons, 1000, 50, 8, &[(Test::Bounds, 1), (EIGHT, 1), (FOUR, 1)]);
     assert_eq!(s[0].misses, 0);
-    assert!(s[0].hits > 10_000 && s[0].precision() > 0.85, "{}", s[0]);
+    assert!(s[0].hits > 4_000 && s[0].precision() > 0.85, "{}", s[0]);
     // The oracle can catch a detector that misses.
     assert!(s[2].misses > 100 && s[1].recall() < 1.0, "{}", s[2]);
 }
@@ -80,7 +81,7 @@ fn bounds_miss_nothing_on_polygons_at_first_order() {
 fn bounds_miss_nothing_on_quadrics_and_polygons_at_second_order() {
     let s = total(mixed, 1600, 50, 8, &[(Test::Bounds, 2), (Test::Bounds, 1), (EIGHT, 2), (EIGHT, 1), (FOUR, 2)]);
     assert_eq!(s[0].misses, 0);
-    assert!(s[0].hits > 15_000 && s[0].precision() > 0.8, "{}", s[0]);
+    assert!(s[0].hits > 8_000 && s[0].precision() > 0.8, "{}", s[0]);
     // First order is no bound for quadrics.
     assert!(s[1].misses > 0 && s[4].misses > 100);
 }
@@ -89,7 +90,7 @@ fn bounds_miss_nothing_on_quadrics_and_polygons_at_second_order() {
 fn bounds_miss_nothing_on_cylinders() {
     let s = total(cylinder, 800, 50, 8, &[(Test::Bounds, 2), (EIGHT, 2)]);
     assert_eq!(s[0].misses, 0);
-    assert!(s[0].hits > 3000 && s[0].precision() > 0.8, "{}", s[0]);
+    assert!(s[0].hits > 2000 && s[0].precision() > 0.8, "{}", s[0]);
 }
 
 #[test]
