@@ -23,6 +23,9 @@ pub enum Usage {
 /// Number of wavelengths of the sum.
 const STEPS: usize = 1000;
 
+/// Integral of y over the wavelengths, nm.
+const Y_INTEGRAL: f64 = 106.857;
+
 /// Linear interpolation in a 5 nm table.
 fn table<const N: usize>(values: &[[f64; N]; 95], nm: f64) -> [f64; N] {
     let t = ((nm - cie::FIRST) / cie::STEP).clamp(0.0, 94.0);
@@ -33,18 +36,18 @@ fn table<const N: usize>(values: &[[f64; N]; 95], nm: f64) -> [f64; N] {
 
 /// The colour matching functions at a wavelength, scaled so that y integrates to 1.
 fn matching(nm: f64) -> [f64; 3] {
-    let integral: f64 = cie::XYZ.iter().map(|v| v[1]).sum::<f64>() * cie::STEP;
-    table(&cie::XYZ, nm).map(|v| v / integral)
+    table(&cie::XYZ, nm).map(|v| v / Y_INTEGRAL)
 }
 
-/// D65 at a wavelength, scaled to luminance 1.
+/// D65 at 560 nm where its luminance is 1: Mitsuba's constant, which sets white to 0.9989, so that both agree.
+const D65_AT_560: f64 = 1.010_127_3;
+
+/// D65 at a wavelength, scaled by [`D65_AT_560`].
 fn d65(nm: f64) -> f64 {
-    let sum: f64 = cie::D65.iter().zip(&cie::XYZ).map(|(d, v)| d * v[1]).sum();
-    let y: f64 = cie::XYZ.iter().map(|v| v[1]).sum();
     let t = ((nm - cie::FIRST) / cie::STEP).clamp(0.0, 94.0);
     let i = (t as usize).min(93);
     let f = t - i as f64;
-    (cie::D65[i] * (1.0 - f) + cie::D65[i + 1] * f) * y / sum
+    (cie::D65[i] * (1.0 - f) + cie::D65[i + 1] * f) * D65_AT_560 / 100.0
 }
 
 /// CIE XYZ to linear sRGB.
@@ -74,7 +77,7 @@ fn integrate(spectrum: impl Fn(f64) -> f64, usage: Usage) -> [f64; 3] {
             xyz[c] += value * m[c];
         }
     }
-    xyz_to_rgb(xyz.map(|v| v * range / STEPS as f64))
+    xyz_to_rgb(xyz.map(|v| v * range / (STEPS - 1) as f64))
 }
 
 /// Brings a colour into the range its use allows.
@@ -113,7 +116,11 @@ pub fn constant_to_rgb(value: f64, usage: Usage) -> [f64; 3] {
 
 /// Decodes one sRGB component (0 to 1) to linear.
 pub fn srgb_to_linear(v: f64) -> f64 {
-    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    if v <= 0.040_45 {
+        v / 12.92
+    } else {
+        ((v + 0.055) / 1.055).powf(2.4)
+    }
 }
 
 /// Single precision triple of the renderer.
@@ -151,7 +158,10 @@ pub fn push_sample(list: &mut Vec<(f64, f64)>, nm: f64, value: f64) -> Result<()
         return Err("a number is not finite or too large".into());
     }
     if list.last().is_some_and(|&(last, _)| nm <= last) {
-        return Err(format!("wavelengths must increase, but {nm} follows {}", list[list.len() - 1].0));
+        return Err(format!(
+            "wavelengths must increase, but {nm} follows {}",
+            list[list.len() - 1].0
+        ));
     }
     list.push((nm, value));
     Ok(())
@@ -171,15 +181,38 @@ mod tests {
     #[test]
     fn lists_agree_with_mitsuba() {
         let half = [(400.0, 0.5), (700.0, 0.5)];
-        close(list_to_rgb(&half, Usage::Reflectance), [0.497671, 0.499878, 0.497455], 2e-4);
-        close(list_to_rgb(&half, Usage::Emission), [0.599846, 0.474761, 0.451722], 2e-4);
+        close(
+            list_to_rgb(&half, Usage::Reflectance),
+            [0.497671, 0.499878, 0.497455],
+            2e-4,
+        );
+        close(
+            list_to_rgb(&half, Usage::Emission),
+            [0.599846, 0.474761, 0.451722],
+            2e-4,
+        );
         let lamp = [(400.0, 0.0), (500.0, 8.0), (600.0, 15.6), (700.0, 18.4)];
         close(list_to_rgb(&lamp, Usage::Emission), [20.7108, 10.8546, 2.77115], 2e-4);
         let light = [(400.0, 0.78), (500.0, 0.78), (600.0, 0.78), (700.0, 0.78)];
-        close(list_to_rgb(&light, Usage::Reflectance), [0.776368, 0.779809, 0.776029], 2e-4);
+        close(
+            list_to_rgb(&light, Usage::Reflectance),
+            [0.776368, 0.779809, 0.776029],
+            2e-4,
+        );
         // A deliberately different illuminant must not pass: the tolerance is meaningful.
         let wrong = list_to_rgb(&half, Usage::Constant);
         assert!((wrong[0] - 0.497671).abs() > 0.05);
+    }
+
+    #[test]
+    fn normalisation() {
+        let integral: f64 = cie::XYZ.iter().map(|v| v[1]).sum::<f64>() * cie::STEP;
+        assert!((integral / Y_INTEGRAL - 1.0).abs() < 1e-5);
+        close(
+            list_to_rgb(&[(300.0, 1.0), (900.0, 1.0)], Usage::Reflectance),
+            [0.99899, 0.99887, 0.99880],
+            1e-4,
+        );
     }
 
     #[test]
@@ -198,8 +231,15 @@ mod tests {
 
     #[test]
     fn spd_text() {
-        assert_eq!(parse_spd("# gold\n400 0.5\n\n500.0\t1 # x\n").unwrap(), [(400.0, 0.5), (500.0, 1.0)]);
-        assert!(parse_spd("400 1\n300 1\n").unwrap_err().starts_with("line 2: wavelengths must increase"));
+        assert_eq!(
+            parse_spd("# gold\n400 0.5\n\n500.0\t1 # x\n").unwrap(),
+            [(400.0, 0.5), (500.0, 1.0)]
+        );
+        assert!(
+            parse_spd("400 1\n300 1\n")
+                .unwrap_err()
+                .starts_with("line 2: wavelengths must increase")
+        );
         assert!(parse_spd("400 1\n410 nan\n").unwrap_err().contains("line 2"));
         assert!(parse_spd("400 1 2\n").is_err());
         assert!(parse_spd("").is_err());

@@ -1,0 +1,422 @@
+//! Plugins of version 3: defaults, quirks, wrong values.
+
+use super::*;
+use crate::math::filter::PixelFilter;
+use crate::math::{DMat4, DVec3, Rgb};
+use crate::scene::description::{GeometryDesc, LightDesc, Projection};
+use crate::scene::material::Distribution;
+use crate::scene::texture::{Color, Scalar, Texture};
+
+/// Horizontal field of view, degrees, of a 800 x 400 (or 400 x 800) film.
+fn x_fov(content: &str, size: (u32, u32)) -> f64 {
+    let (w, h) = size;
+    let d = clean(&format!(
+        "<scene version=\"3.0.0\"><sensor type=\"perspective\">{content}<film type=\"hdrfilm\">
+        <integer name=\"width\" value=\"{w}\"/><integer name=\"height\" value=\"{h}\"/></film></sensor></scene>"
+    ));
+    match d.camera.projection {
+        Projection::Perspective { x_fov, .. } => x_fov.to_degrees(),
+        Projection::Orthographic => panic!("perspective expected"),
+    }
+}
+
+#[test]
+fn field_of_view_axes() {
+    let fov = |axis: &str, size| {
+        x_fov(
+            &format!("<float name=\"fov\" value=\"40\"/><string name=\"fov_axis\" value=\"{axis}\"/>"),
+            size,
+        )
+    };
+    let wide = (800, 400);
+    let tall = (400, 800);
+    let from_y = |aspect: f64| 2.0 * ((20f64).to_radians().tan() * aspect).atan().to_degrees();
+    let diagonal = |aspect: f64| {
+        2.0 * ((20f64).to_radians().tan() / (1.0 + 1.0 / aspect / aspect).sqrt())
+            .atan()
+            .to_degrees()
+    };
+    for (axis, on_wide, on_tall) in [
+        ("x", 40.0, 40.0),
+        ("y", from_y(2.0), from_y(0.5)),
+        ("smaller", from_y(2.0), 40.0),
+        ("larger", 40.0, from_y(0.5)),
+        ("diagonal", diagonal(2.0), diagonal(0.5)),
+    ] {
+        assert!((fov(axis, wide) - on_wide).abs() < 1e-9, "{axis}");
+        assert!((fov(axis, tall) - on_tall).abs() < 1e-9, "{axis}");
+    }
+    // 50 mm on 36 x 24 mm: 46.79 degrees on the diagonal, 39.6 on the long side.
+    let normal = x_fov("<string name=\"focal_length\" value=\"50mm\"/>", (900, 600));
+    assert!((normal - 39.5978).abs() < 1e-3, "{normal}");
+    assert!((normal - x_fov("", (900, 600))).abs() < 1e-12);
+    // Mitsuba 3.9.1.
+    let wide = x_fov("<string name=\"focal_length\" value=\"35mm\"/>", (768, 576));
+    assert!((wide - 52.622_543).abs() < 1e-4, "{wide}");
+}
+
+fn sensor(kind: &str, content: &str) -> String {
+    format!("<scene version=\"3.0.0\"><sensor type=\"{kind}\">{content}</sensor></scene>")
+}
+
+#[test]
+fn sensor_rules() {
+    let moved = |m: &str| sensor("perspective", &format!("<transform name=\"to_world\">{m}</transform>"));
+    fails(&moved("<scale value=\"2\"/>"), "must not scale");
+    // A mirrored camera is fine and stays mirrored.
+    let d = clean(&moved("<scale x=\"-1\"/><rotate y=\"1\" angle=\"30\"/>"));
+    assert!((d.camera.to_world.determinant() + 1.0).abs() < 1e-12);
+    fails(
+        &sensor("perspective", "<float name=\"fov\" value=\"180\"/>"),
+        "fov must lie between",
+    );
+    fails(
+        &sensor("perspective", "<float name=\"near_clip\" value=\"0\"/>"),
+        "near_clip must be above 0",
+    );
+    fails(
+        &sensor("perspective", "<float name=\"far_clip\" value=\"0.001\"/>"),
+        "far_clip must be above",
+    );
+    fails(&sensor("perspectve", ""), "did you mean \"perspective\"?");
+    fails(&sensor("thinlens", ""), "aperture_radius");
+    // Without a focus distance the far clip plane is in focus.
+    let d = clean(&sensor(
+        "thinlens",
+        "<float name=\"aperture_radius\" value=\"0.1\"/><float name=\"far_clip\" value=\"77\"/>",
+    ));
+    assert!(matches!(
+        d.camera.projection,
+        Projection::Perspective {
+            aperture_radius: 0.1,
+            focus_distance: 77.0,
+            ..
+        }
+    ));
+    let d = clean(&sensor(
+        "orthographic",
+        "<transform name=\"to_world\"><scale x=\"3\" y=\"3\"/></transform>",
+    ));
+    assert!(matches!(d.camera.projection, Projection::Orthographic));
+    assert_eq!(d.camera.to_world, DMat4::from_scale(DVec3::new(3.0, 3.0, 1.0)));
+    let d = clean(&sensor(
+        "perspective",
+        "<float name=\"principal_point_offset_x\" value=\"0.25\"/>",
+    ));
+    assert!(matches!(
+        d.camera.projection,
+        Projection::Perspective {
+            principal_point_offset: [0.25, 0.0],
+            ..
+        }
+    ));
+    assert!(
+        warnings("<scene version=\"3.0.0\"><sensor type=\"orthographic\"/><sensor type=\"perspective\"/></scene>")[0]
+            .contains("several sensors")
+    );
+}
+
+fn film(content: &str) -> String {
+    sensor("perspective", &format!("<film type=\"hdrfilm\">{content}</film>"))
+}
+
+#[test]
+fn film_rules() {
+    let d = clean(&sensor("perspective", ""));
+    assert_eq!((d.film.width, d.film.height, d.film.crop), (768, 576, [0, 0, 768, 576]));
+    assert_eq!(
+        (d.film.filter, d.sample_count, d.seed),
+        (PixelFilter::Gaussian { stddev: 0.5 }, None, 0)
+    );
+    let int = |name: &str, value: i64| format!("<integer name=\"{name}\" value=\"{value}\"/>");
+    let d = clean(&film(
+        &(int("crop_offset_x", 8) + &int("crop_width", 700) + &int("crop_height", 1)),
+    ));
+    assert_eq!(d.film.crop, [8, 0, 700, 1]);
+    fails(&film(&int("crop_offset_x", 8)), "outside of the film");
+    fails(
+        &film(&(int("crop_offset_y", -1) + &int("crop_height", 5))),
+        "outside of the film",
+    );
+    fails(&film(&int("crop_offset_x", i64::MAX)), "outside of the film");
+    fails(&film(&int("width", 1_000_000_000)), "at most 65536");
+    fails(&film(&(int("width", 65_536) + &int("height", 65_536))), "too many");
+    fails(&film(&int("width", 0)), "at least 1");
+    let filter = |text: &str| clean(&film(text)).film.filter;
+    assert_eq!(filter("<rfilter type=\"box\"/>"), PixelFilter::Box { radius: 0.5 });
+    assert_eq!(filter("<rfilter type=\"tent\"/>"), PixelFilter::Tent { radius: 1.0 });
+    assert_eq!(filter("<rfilter type=\"catmullrom\"/>"), PixelFilter::CatmullRom);
+    assert_eq!(filter("<rfilter type=\"lanczos\"/>"), PixelFilter::Lanczos { lobes: 3 });
+    let third = (1.0f64 / 3.0) as f32;
+    let mitchell = filter("<rfilter type=\"mitchell\"><float name=\"B\" value=\"0.25\"/></rfilter>");
+    assert_eq!(mitchell, PixelFilter::Mitchell { b: 0.25, c: third });
+    let sampler = "<sampler type=\"independent\"><integer name=\"sample_count\" value=\"0\"/></sampler>";
+    fails(&sensor("perspective", sampler), "at least 1");
+}
+
+#[test]
+fn integrator_rules() {
+    let read = |text: &str| clean(&scene(text)).integrator;
+    let path =
+        |depth: i64| format!("<integrator type=\"path\"><integer name=\"max_depth\" value=\"{depth}\"/></integrator>");
+    assert_eq!(read(&path(-1)).max_depth, None);
+    assert_eq!(read(&path(2)).max_depth, Some(2));
+    for bad in [0, -2, i64::MAX] {
+        fails(&scene(&path(bad)), "max_depth must be");
+    }
+    let none = read("");
+    assert!(none.name.is_empty() && none.rr_depth.is_none() && !none.hide_emitters);
+    let aov = read(
+        "<integrator type=\"aov\"><string name=\"aovs\" value=\"d:depth\"/><integrator type=\"Path\"><boolean name=\"hide_emitters\" value=\"True\"/><float name=\"timeout\" value=\"-1\"/></integrator></integrator>",
+    );
+    assert!(aov.name == "path" && aov.hide_emitters && aov.timeout.is_none());
+}
+
+#[test]
+fn dielectric_names_and_sides() {
+    let Material::Dielectric { eta, .. } = material("<bsdf type=\"dielectric\"/>") else {
+        panic!()
+    };
+    assert!((eta - (1.5046 / 1.000_277) as f32).abs() < 1e-6);
+    let Material::ThinDielectric { eta, .. } = material(
+        "<bsdf type=\"thindielectric\"><string name=\"int_ior\" value=\"Water\"/><float name=\"ext_ior\" value=\"1\"/></bsdf>",
+    ) else {
+        panic!()
+    };
+    assert_eq!(eta, 1.333);
+    let shape = |text: &str| scene(&format!("<shape type=\"sphere\">{text}</shape>"));
+    fails(
+        &shape("<bsdf type=\"dielectric\"><string name=\"int_ior\" value=\"watre\"/></bsdf>"),
+        "did you mean \"water\"?",
+    );
+    fails(
+        &shape("<bsdf type=\"dielectric\"><float name=\"int_ior\" value=\"-1\"/></bsdf>"),
+        "above 0",
+    );
+}
+
+#[test]
+fn conductors() {
+    let Material::Conductor { eta, k, .. } = material("<bsdf type=\"conductor\"/>") else {
+        panic!()
+    };
+    assert_eq!((eta, k), (Rgb::ZERO, Rgb::ONE));
+    let Material::RoughConductor { eta, roughness, .. } = material(
+        "<bsdf type=\"roughconductor\"><string name=\"material\" value=\"Au\"/><float name=\"alpha_u\" value=\"0.2\"/><float name=\"alpha_v\" value=\"0.3\"/></bsdf>",
+    ) else {
+        panic!()
+    };
+    assert_eq!(eta, Rgb::new(0.1430, 0.3753, 1.4420));
+    assert_eq!(
+        (roughness.distribution, roughness.alpha_u, roughness.alpha_v),
+        (Distribution::Beckmann, Scalar::Constant(0.2), Scalar::Constant(0.3))
+    );
+    let shape = |text: &str| {
+        scene(&format!(
+            "<shape type=\"sphere\"><bsdf type=\"roughconductor\">{text}</bsdf></shape>"
+        ))
+    };
+    fails(
+        &shape("<float name=\"alpha_u\" value=\"0.2\"/>"),
+        "alpha_u needs alpha_v",
+    );
+    fails(
+        &shape(
+            "<float name=\"alpha_u\" value=\"0.2\"/><float name=\"alpha_v\" value=\"0.2\"/><float name=\"alpha\" value=\"0.2\"/>",
+        ),
+        "not both",
+    );
+    fails(&shape("<float name=\"alpha\" value=\"-0.2\"/>"), "not be negative");
+    fails(
+        &shape("<string name=\"distribution\" value=\"gxg\"/>"),
+        "did you mean \"ggx\"?",
+    );
+    fails(&shape("<rgb name=\"eta\" value=\"1\"/>"), "needs \"k\"");
+    fails(
+        &shape("<string name=\"material\" value=\"Unobtainium\"/>"),
+        "no optical constants",
+    );
+}
+
+#[test]
+fn nested_materials() {
+    let d = clean(&scene(
+        "<shape type=\"sphere\"><bsdf type=\"twosided\"><bsdf type=\"diffuse\"/></bsdf></shape>",
+    ));
+    assert!(matches!(d.materials[d.shapes[0].material as usize], Material::TwoSided { front, back } if front == back));
+    let shape = |text: &str| scene(&format!("<shape type=\"sphere\">{text}</shape>"));
+    fails(
+        &shape("<bsdf type=\"twosided\"><bsdf type=\"mask\"><bsdf type=\"diffuse\"/></bsdf></bsdf>"),
+        "lets light through",
+    );
+    fails(&shape("<bsdf type=\"twosided\"/>"), "needs a nested <bsdf>");
+    fails(
+        &shape("<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\"0.5\"/><bsdf type=\"null\"/></bsdf>"),
+        "needs 2 nested",
+    );
+    fails(
+        &shape("<bsdf type=\"blendbsdf\"><bsdf type=\"null\"/><bsdf type=\"null\"/></bsdf>"),
+        "needs the property \"weight\"",
+    );
+    assert!(matches!(
+        material("<bsdf type=\"mask\"><bsdf type=\"diffuse\"/></bsdf>"),
+        Material::Mask {
+            opacity: Scalar::Constant(0.5),
+            ..
+        }
+    ));
+    let bump = material(
+        "<bsdf type=\"bumpmap\"><texture type=\"checkerboard\" name=\"anything\"/><float name=\"scale\" value=\"3\"/><bsdf type=\"diffuse\"/></bsdf>",
+    );
+    assert!(matches!(bump, Material::BumpMap { scale: 3.0, .. }));
+    let unknown = warnings(&shape("<bsdf type=\"difuse\"/>"));
+    assert!(
+        unknown[0].contains("bsdf type \"difuse\" is unknown; using diffuse; did you mean \"diffuse\"?"),
+        "{unknown:?}"
+    );
+}
+
+#[test]
+fn shapes_without_material_and_lamps() {
+    let d = clean(&scene(
+        "<shape type=\"cube\"/><shape type=\"disk\"><emitter type=\"area\"/></shape><shape type=\"disk\"/>",
+    ));
+    let albedo = |i: usize| d.materials[d.shapes[i].material as usize].clone();
+    let grey = |v: f32| Material::Diffuse {
+        reflectance: Color::Constant(Rgb::splat(v)),
+    };
+    assert_eq!((albedo(0), albedo(1), d.materials.len()), (grey(0.5), grey(0.0), 2));
+    assert_eq!(d.shapes[1].emission, Some(Color::Constant(Rgb::ONE)));
+    assert_eq!(d.shapes[1].name, "shape 2 (disk)");
+    let lamp = |text: &str| scene(&format!("<shape type=\"cube\">{text}</shape>"));
+    fails(&lamp("<emitter type=\"point\"/>"), "cannot be nested in a shape");
+    fails(
+        &lamp("<emitter type=\"area\"><transform name=\"to_world\"/></emitter>"),
+        "no to_world of its own",
+    );
+    fails(
+        &lamp("<emitter type=\"area\"/><emitter type=\"area\"/>"),
+        "one emitter only",
+    );
+    fails(&scene("<emitter type=\"area\"/>"), "belongs to a shape");
+    let textured = clean(&lamp(
+        "<emitter type=\"area\"><texture type=\"checkerboard\" name=\"radiance\"/></emitter>",
+    ));
+    assert!(matches!(textured.shapes[0].emission, Some(Color::Texture(_))));
+    // A spectrum of one number is equal-energy white; a float is grey.
+    let d = clean(&lamp(
+        "<emitter type=\"area\"><spectrum name=\"radiance\" value=\"10\"/></emitter>",
+    ));
+    let Some(Color::Constant(c)) = d.shapes[0].emission else {
+        panic!()
+    };
+    assert!((c - Rgb::new(12.048, 9.483, 9.089)).length() < 0.01, "{c}");
+    assert_eq!(
+        material("<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"0.25\"/></bsdf>"),
+        grey(0.25)
+    );
+}
+
+#[test]
+fn shape_rules() {
+    let sphere = |text: &str| scene(&format!("<shape type=\"sphere\">{text}</shape>"));
+    let d = clean(&sphere("<float name=\"radius\" value=\"-2\"/>"));
+    assert!(d.shapes[0].flip_normals && matches!(d.shapes[0].geometry, GeometryDesc::Sphere { radius: 2.0, .. }));
+    fails(&sphere("<float name=\"radius\" value=\"0\"/>"), "must not be 0");
+    fails(
+        &sphere("<transform name=\"to_world\"><scale x=\"2\"/></transform>"),
+        "scaled unevenly",
+    );
+    let rods = clean(&scene("<shape type=\"cylinder\"/>"));
+    assert!(matches!(
+        rods.shapes[0].geometry,
+        GeometryDesc::Cylinder {
+            p0: DVec3::ZERO,
+            p1: DVec3::Z,
+            radius: 1.0
+        }
+    ));
+    assert!(warnings(&scene("<shape type=\"recangle\"/>"))[0].contains("did you mean \"rectangle\"?"));
+    let medium = "<shape type=\"cube\"><medium name=\"interior\" type=\"homogeneous\"><rgb name=\"albedo\" value=\"1\"/></medium></shape>";
+    let found = warnings(&scene(&medium.repeat(3)));
+    assert!(
+        found.len() == 1 && found[0].contains("participating media"),
+        "{found:?}"
+    );
+    let d = clean(&scene(
+        "<shape type=\"shapegroup\" id=\"g\"><shape type=\"cube\"><transform name=\"to_world\"><scale value=\"2\"/></transform></shape><shape type=\"disk\"/></shape>
+        <shape type=\"instance\"><ref id=\"g\"/></shape><shape type=\"instance\"><ref id=\"g\"/><transform name=\"to_world\"><translate x=\"5\"/></transform></shape>",
+    ));
+    assert_eq!(d.shapes.len(), 4);
+    assert_eq!(
+        d.shapes[2].to_world.transform_point3(DVec3::X),
+        DVec3::new(7.0, 0.0, 0.0)
+    );
+}
+
+#[test]
+fn lights() {
+    let light = |text: &str| clean(&scene(text)).lights[0].clone();
+    let d = "<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"-2\" z=\"0\"/></emitter>";
+    assert!(
+        matches!(light(d), LightDesc::Directional { direction, irradiance: Rgb::ONE } if direction == DVec3::NEG_Y)
+    );
+    assert!(
+        matches!(light("<emitter type=\"directional\"/>"), LightDesc::Directional { direction, .. } if direction == DVec3::Z)
+    );
+    fails(
+        &scene("<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"0\" z=\"0\"/></emitter>"),
+        "direction of the light is zero",
+    );
+    let LightDesc::Spot {
+        cutoff_angle,
+        beam_width,
+        ..
+    } = light("<emitter type=\"spot\"/>")
+    else {
+        panic!()
+    };
+    assert!((cutoff_angle.to_degrees() - 20.0).abs() < 1e-9 && (beam_width.to_degrees() - 15.0).abs() < 1e-9);
+    let p = "<emitter type=\"point\"><transform name=\"to_world\"><translate y=\"3\"/></transform></emitter>";
+    assert!(matches!(light(p), LightDesc::Point { position, .. } if position == DVec3::new(0.0, 3.0, 0.0)));
+    assert!(warnings(&scene("<emitter type=\"sunsky\"/>"))[0].contains("is not supported; skipped"));
+    fails(&scene("<emitter type=\"envmap\"/>"), "needs the property \"filename\"");
+    fails(
+        &scene("<emitter type=\"constant\"><texture type=\"checkerboard\" name=\"radiance\"/></emitter>"),
+        "not supported",
+    );
+}
+
+#[test]
+fn picture_flags_reach_the_reader() {
+    let dir = tempfile::tempdir().unwrap();
+    let picture = dir.path().join("a.png");
+    std::fs::write(&picture, [137, 80, 78, 71]).unwrap();
+    let bitmap = |extra: &str| {
+        format!(
+            "<texture type=\"bitmap\" name=\"reflectance\"><string name=\"filename\" value=\"a.png\"/>{extra}</texture>"
+        )
+    };
+    let shape = |texture: String| format!("<shape type=\"cube\"><bsdf type=\"diffuse\">{texture}</bsdf></shape>");
+    let raw = "<boolean name=\"raw\" value=\"true\"/><string name=\"wrap_mode\" value=\"mirror\"/>";
+    let text = scene(&(shape(bitmap("")) + &shape(bitmap(raw)) + &shape(bitmap(""))));
+    let report = super::super::report::Report::new(false);
+    let path = dir.path().join("main.xml");
+    let tree = super::super::parser::parse(&path, text.as_str().into(), &[], &report).unwrap();
+    let mut b = super::super::builder::Builder::new(&tree, &report);
+    for (id, object) in tree.objects.iter().enumerate().filter(|(_, o)| o.tag == "shape") {
+        super::super::shape::read(&mut b, id, 1).unwrap_or_else(|_| panic!("{object:?}"));
+    }
+    // Two requests for three uses: decoded and raw.
+    assert_eq!(b.textures.len(), 3);
+    let images: Vec<u32> = b
+        .textures
+        .iter()
+        .map(|t| match t {
+            Texture::Bitmap { image, .. } => *image,
+            _ => 9,
+        })
+        .collect();
+    assert_eq!(images, [0, 1, 0]);
+    assert!(b.decodes_srgb(0) && !b.decodes_srgb(1));
+}
