@@ -65,28 +65,19 @@ fn main() {
             rng.family(o, aim, 0.02)
         })
         .collect();
-    let four: Vec<_> = two
-        .iter()
-        .map(|f| Family::between(f.o, [rng.cube(0.01), rng.cube(0.01)], f.o + f.d, f.d_p))
-        .collect();
+    let four: Vec<_> =
+        two.iter().map(|f| Family::between(f.o, [rng.cube(0.01), rng.cube(0.01)], f.o + f.d, f.d_p)).collect();
     let ball = Sphere::new(vec3(0.0, 0.0, 5.0), 1.5);
     let tri = Triangle::new(vec3(-3.0, -3.0, 5.0), vec3(3.0, -3.0, 5.5), vec3(0.0, 4.0, 4.5));
     let wall = Rectangle::new(vec3(0.0, 0.0, -9.0), vec3(9.0, 0.0, 0.0), vec3(0.0, 9.0, 0.0));
     let disk = Disk::new(vec3(0.0, 0.0, 5.0), vec3(0.1, 0.2, 1.0), 1.0);
     let tube = Cylinder::new(vec3(-1.0, 0.0, 5.0), vec3(1.0, 0.5, 5.0), 0.7);
 
-    println!(
-        "{:<34} {:>10}   {:>5}   {:>5}   {:>5}",
-        "kernel (camera ray included)", "f64", "1st/2", "1st/4", "2nd/2"
-    );
-    kernel!("sphere, hit", two, four, |r| ball
-        .hit(&r, 0.0, 1e9)
-        .map_or_else(|| r.d.x, |h| h.0));
+    println!("{:<34} {:>10}   {:>5}   {:>5}   {:>5}", "kernel (camera ray included)", "f64", "1st/2", "1st/4", "2nd/2");
+    kernel!("sphere, hit", two, four, |r| ball.hit(&r, 0.0, 1e9).map_or_else(|| r.d.x, |h| h.0));
     kernel!("triangle, hit", two, four, |r| tri.hit(&r, 0.0, 1e9).unwrap_or(r.d.x));
     kernel!("known triangle, point", two, four, |r| sum(r.at(tri.t(&r))));
-    kernel!("cylinder, hit", two, four, |r| tube
-        .hit(&r, 0.0, 1e9)
-        .map_or_else(|| r.d.x, |h| h.0));
+    kernel!("cylinder, hit", two, four, |r| tube.hit(&r, 0.0, 1e9).map_or_else(|| r.d.x, |h| h.0));
     kernel!("margin of an edge", two, four, |r| margins::line(&r, tri.a, tri.b));
     kernel!("margin of a sphere", two, four, |r| margins::sphere(&r, &ball));
     kernel!("margin of a rim", two, four, |r| margins::rim(&r, &disk));
@@ -123,17 +114,13 @@ fn main() {
     println!(
         "2nd-order sphere margin + bounds   {:>7.1} ns",
         run(&|f| {
-            black_box(bounds(
-                &margins::sphere(&black_box(f).fixed_ray::<Dual2SVec64<2>>(), &ball).expansion(),
-            ));
+            black_box(bounds(&margins::sphere(&black_box(f).fixed_ray::<Dual2SVec64<2>>(), &ball).expansion()));
         })
     );
     println!(
         "1st-order edge margin + bounds     {:>7.1} ns",
         run(&|f| {
-            black_box(bounds(
-                &margins::line(&black_box(f).fixed_ray::<DualSVec64<2>>(), tri.a, tri.b).expansion(),
-            ));
+            black_box(bounds(&margins::line(&black_box(f).fixed_ray::<DualSVec64<2>>(), tri.a, tri.b).expansion()));
         })
     );
 }

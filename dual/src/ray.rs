@@ -79,10 +79,7 @@ impl<F: Scalar, const N: usize> Family<F, N> {
     /// The centre ray with derivatives, in the number type asked for; origin and direction are both seeded.
     #[inline(always)]
     pub fn ray<T: Jet<N, Primitive = F>>(&self) -> Ray<T> {
-        Ray {
-            o: seed(self.o, &self.o_p),
-            d: seed(self.d, &self.d_p),
-        }
+        Ray { o: seed(self.o, &self.o_p), d: seed(self.d, &self.d_p) }
     }
 
     /// The same for a family with a fixed origin, which becomes a constant *at compile time*: half the cost of
@@ -90,10 +87,7 @@ impl<F: Scalar, const N: usize> Family<F, N> {
     #[inline(always)]
     pub fn fixed_ray<T: Jet<N, Primitive = F>>(&self) -> Ray<T> {
         debug_assert!(self.has_fixed_origin(), "the origin moves");
-        Ray {
-            o: Vec3::lift(self.o),
-            d: seed(self.d, &self.d_p),
-        }
+        Ray { o: Vec3::lift(self.o), d: seed(self.d, &self.d_p) }
     }
 
     /// The plain ray at `p`.

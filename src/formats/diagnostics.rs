@@ -68,17 +68,9 @@ impl Diagnostic {
     fn window(&self) -> (String, usize) {
         let column = self.column - 1;
         let length = self.source_line.chars().count();
-        let skip = if length <= WINDOW {
-            0
-        } else {
-            column.saturating_sub(WINDOW / 3)
-        };
+        let skip = if length <= WINDOW { 0 } else { column.saturating_sub(WINDOW / 3) };
         let piece: String = self.source_line.chars().skip(skip).take(WINDOW).collect();
-        let indent = if skip == 0 {
-            piece.chars().take_while(|c| c.is_whitespace()).count()
-        } else {
-            0
-        };
+        let indent = if skip == 0 { piece.chars().take_while(|c| c.is_whitespace()).count() } else { 0 };
         let indent = indent.min(column);
         let piece = piece.chars().skip(indent).map(|c| if c.is_control() { ' ' } else { c });
         (piece.collect(), column - skip - indent)
@@ -153,10 +145,7 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     }
     let limit = if length < 4 { 1 } else { (length / 3).max(2) };
     let scored = candidates.into_iter().map(|c| (distance(word, c), c));
-    scored
-        .filter(|&(d, _)| d <= limit)
-        .min_by_key(|&(d, _)| d)
-        .map(|(_, c)| c)
+    scored.filter(|&(d, _)| d <= limit).min_by_key(|&(d, _)| d).map(|(_, c)| c)
 }
 
 /// `did you mean "reflectance"?`, if something is near.

@@ -116,11 +116,7 @@ pub fn constant_to_rgb(value: f64, usage: Usage) -> [f64; 3] {
 
 /// Decodes one sRGB component (0 to 1) to linear.
 pub fn srgb_to_linear(v: f64) -> f64 {
-    if v <= 0.040_45 {
-        v / 12.92
-    } else {
-        ((v + 0.055) / 1.055).powf(2.4)
-    }
+    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Single precision triple of the renderer.
@@ -158,10 +154,7 @@ pub fn push_sample(list: &mut Vec<(f64, f64)>, nm: f64, value: f64) -> Result<()
         return Err("a number is not finite or too large".into());
     }
     if list.last().is_some_and(|&(last, _)| nm <= last) {
-        return Err(format!(
-            "wavelengths must increase, but {nm} follows {}",
-            list[list.len() - 1].0
-        ));
+        return Err(format!("wavelengths must increase, but {nm} follows {}", list[list.len() - 1].0));
     }
     list.push((nm, value));
     Ok(())
@@ -181,24 +174,12 @@ mod tests {
     #[test]
     fn lists_agree_with_mitsuba() {
         let half = [(400.0, 0.5), (700.0, 0.5)];
-        close(
-            list_to_rgb(&half, Usage::Reflectance),
-            [0.497671, 0.499878, 0.497455],
-            2e-4,
-        );
-        close(
-            list_to_rgb(&half, Usage::Emission),
-            [0.599846, 0.474761, 0.451722],
-            2e-4,
-        );
+        close(list_to_rgb(&half, Usage::Reflectance), [0.497671, 0.499878, 0.497455], 2e-4);
+        close(list_to_rgb(&half, Usage::Emission), [0.599846, 0.474761, 0.451722], 2e-4);
         let lamp = [(400.0, 0.0), (500.0, 8.0), (600.0, 15.6), (700.0, 18.4)];
         close(list_to_rgb(&lamp, Usage::Emission), [20.7108, 10.8546, 2.77115], 2e-4);
         let light = [(400.0, 0.78), (500.0, 0.78), (600.0, 0.78), (700.0, 0.78)];
-        close(
-            list_to_rgb(&light, Usage::Reflectance),
-            [0.776368, 0.779809, 0.776029],
-            2e-4,
-        );
+        close(list_to_rgb(&light, Usage::Reflectance), [0.776368, 0.779809, 0.776029], 2e-4);
         // A deliberately different illuminant must not pass: the tolerance is meaningful.
         let wrong = list_to_rgb(&half, Usage::Constant);
         assert!((wrong[0] - 0.497671).abs() > 0.05);
@@ -208,11 +189,7 @@ mod tests {
     fn normalisation() {
         let integral: f64 = cie::XYZ.iter().map(|v| v[1]).sum::<f64>() * cie::STEP;
         assert!((integral / Y_INTEGRAL - 1.0).abs() < 1e-5);
-        close(
-            list_to_rgb(&[(300.0, 1.0), (900.0, 1.0)], Usage::Reflectance),
-            [0.99899, 0.99887, 0.99880],
-            1e-4,
-        );
+        close(list_to_rgb(&[(300.0, 1.0), (900.0, 1.0)], Usage::Reflectance), [0.99899, 0.99887, 0.99880], 1e-4);
     }
 
     #[test]
@@ -231,15 +208,8 @@ mod tests {
 
     #[test]
     fn spd_text() {
-        assert_eq!(
-            parse_spd("# gold\n400 0.5\n\n500.0\t1 # x\n").unwrap(),
-            [(400.0, 0.5), (500.0, 1.0)]
-        );
-        assert!(
-            parse_spd("400 1\n300 1\n")
-                .unwrap_err()
-                .starts_with("line 2: wavelengths must increase")
-        );
+        assert_eq!(parse_spd("# gold\n400 0.5\n\n500.0\t1 # x\n").unwrap(), [(400.0, 0.5), (500.0, 1.0)]);
+        assert!(parse_spd("400 1\n300 1\n").unwrap_err().starts_with("line 2: wavelengths must increase"));
         assert!(parse_spd("400 1\n410 nan\n").unwrap_err().contains("line 2"));
         assert!(parse_spd("400 1 2\n").is_err());
         assert!(parse_spd("").is_err());

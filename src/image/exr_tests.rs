@@ -148,18 +148,11 @@ fn parts_tiles_integers_and_other_compressions_are_read() {
     use exr::compression::Compression;
     let part = |name: &str, prefix: &str, compression, blocks, samples: FlatSamples| Part {
         channel_data: AnyChannels::sort(
-            ["R", "G", "B"]
-                .iter()
-                .map(|c| AnyChannel::new(text(&format!("{prefix}{c}")), samples.clone()))
-                .collect(),
+            ["R", "G", "B"].iter().map(|c| AnyChannel::new(text(&format!("{prefix}{c}")), samples.clone())).collect(),
         ),
         attributes: LayerAttributes::named(text(name)),
         size: Vec2(5, 3),
-        encoding: Encoding {
-            compression,
-            blocks,
-            line_order: LineOrder::Increasing,
-        },
+        encoding: Encoding { compression, blocks, line_order: LineOrder::Increasing },
     };
     let decoded = |parts: Vec<Part<AnyChannels<FlatSamples>>>| {
         let file = Image::from_layers(ImageAttributes::new(IntegerBounds::new((0, 0), (5, 3))), parts);
@@ -176,12 +169,7 @@ fn parts_tiles_integers_and_other_compressions_are_read() {
     ];
     let tiles = Blocks::Tiles(Vec2(4, 2));
     for samples in kinds {
-        for compression in [
-            Compression::PIZ,
-            Compression::RLE,
-            Compression::ZIP1,
-            Compression::Uncompressed,
-        ] {
+        for compression in [Compression::PIZ, Compression::RLE, Compression::ZIP1, Compression::Uncompressed] {
             for blocks in [tiles, Blocks::ScanLines] {
                 let picture = part("main", "", compression, blocks, samples.clone());
                 // The picture lies in the second part; a layer with a dotted name before it must not win.

@@ -78,10 +78,7 @@ mod tests {
             let reach = n.as_dvec3().abs().dot(error.as_dvec3());
             let along = moved.dot(n.as_dvec3()) * d.dot(n).signum() as f64;
             assert!(along >= reach * (1.0 - 1e-6), "{along:e} below {reach:e}");
-            assert!(
-                along <= 3.0 * reach + 3e-7 * size as f64,
-                "{along:e} is too far for {reach:e}"
-            );
+            assert!(along <= 3.0 * reach + 3e-7 * size as f64, "{along:e} is too far for {reach:e}");
         }
     }
 

@@ -92,8 +92,7 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<Material> {
             if let Texture::Bitmap { image, .. } = b.textures[texture as usize]
                 && b.decodes_srgb(image)
             {
-                b.report
-                    .warn(loc, "the normal map is decoded as sRGB; set raw=true on its bitmap");
+                b.report.warn(loc, "the normal map is decoded as sRGB; set raw=true on its bitmap");
             }
             Material::NormalMap { texture, nested: nested(b, &props)? }
         }
@@ -107,14 +106,9 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<Material> {
             return Ok(b.materials[inside as usize].clone());
         }
         _ => {
-            let supported = if UNSUPPORTED.contains(&kind) {
-                "is not supported"
-            } else {
-                "is unknown"
-            };
+            let supported = if UNSUPPORTED.contains(&kind) { "is not supported" } else { "is unknown" };
             let message = format!("bsdf type \"{kind}\" {supported}; using diffuse");
-            b.report
-                .unknown(props.object.kind_loc, message, suggestion(kind, BSDFS));
+            b.report.unknown(props.object.kind_loc, message, suggestion(kind, BSDFS));
             // The base colour keeps the picture recognisable.
             let reflectance = reflectance(b, &props, "base_color", 0.5)?;
             return Ok(Material::Diffuse { reflectance });
@@ -159,19 +153,12 @@ fn conductor(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {
     } else {
         let legacy = props.object.legacy && !props.has("material");
         if legacy {
-            b.report.warn(
-                props.object.kind_loc,
-                "no material is given; version 0.x means copper (Cu)",
-            );
+            b.report.warn(props.object.kind_loc, "no material is given; version 0.x means copper (Cu)");
         }
         let (eta, k) = optics::metal(props, if legacy { "Cu" } else { "none" })?;
         (to_rgb(eta), to_rgb(k))
     };
-    let outside = if props.has("ext_eta") {
-        optics::index(props, "ext_eta", "air")? as f32
-    } else {
-        1.0
-    };
+    let outside = if props.has("ext_eta") { optics::index(props, "ext_eta", "air")? as f32 } else { 1.0 };
     let (eta, k) = (eta / outside, k / outside);
     let specular_reflectance = reflectance(b, props, "specular_reflectance", 1.0)?;
     Ok(match kind {
@@ -211,21 +198,13 @@ fn roughness(b: &mut Builder, props: &Props) -> Checked<Roughness> {
     props.ignore(&["sample_visible"]);
     let split = [props.has("alpha_u"), props.has("alpha_v")];
     if split[0] != split[1] {
-        let (given, missing) = if split[0] {
-            ("alpha_u", "alpha_v")
-        } else {
-            ("alpha_v", "alpha_u")
-        };
+        let (given, missing) = if split[0] { ("alpha_u", "alpha_v") } else { ("alpha_v", "alpha_u") };
         return Err(props.error(given, format!("{given} needs {missing} as well")));
     }
     if split[0] && props.has("alpha") {
         return Err(props.error("alpha", "give either alpha or alpha_u and alpha_v, not both"));
     }
-    let names = if split[0] {
-        ["alpha_u", "alpha_v"]
-    } else {
-        ["alpha", "alpha"]
-    };
+    let names = if split[0] { ["alpha_u", "alpha_v"] } else { ["alpha", "alpha"] };
     let mut alpha = |name: &'static str| -> Checked<_> {
         let value = scalar(b, props, name, 0.1, Usage::Constant)?;
         let positive = !matches!(value, crate::scene::texture::Scalar::Constant(v) if v < 0.0);
@@ -257,9 +236,7 @@ fn two_sided(b: &mut Builder, props: &Props) -> Checked<Material> {
         if transmits(b, material) {
             if !allowed {
                 let help = Some("use it without twosided".into());
-                return Err(b
-                    .report
-                    .error_help(loc, "a twosided bsdf cannot hold one that lets light through", help));
+                return Err(b.report.error_help(loc, "a twosided bsdf cannot hold one that lets light through", help));
             }
             // Such a material has two sides already.
             return Ok(b.materials[material as usize].clone());

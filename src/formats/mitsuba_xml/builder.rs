@@ -101,9 +101,7 @@ impl<'t> Builder<'t> {
             Slot::Untouched => {}
         }
         if self.depth >= DEPTH_LIMIT {
-            return Err(self
-                .report
-                .error(loc, format!("objects are nested more than {DEPTH_LIMIT} deep")));
+            return Err(self.report.error(loc, format!("objects are nested more than {DEPTH_LIMIT} deep")));
         }
         self.slots[id] = Slot::Open;
         self.depth += 1;
@@ -159,14 +157,7 @@ impl<'t> Builder<'t> {
         };
         let loc = props.loc("filename");
         let mut folders = vec![files::folder_of(&self.report.path(loc.source))];
-        folders.extend(
-            self.tree
-                .folders
-                .iter()
-                .filter(|f| **f != folders[0])
-                .cloned()
-                .collect::<Vec<_>>(),
-        );
+        folders.extend(self.tree.folders.iter().filter(|f| **f != folders[0]).cloned().collect::<Vec<_>>());
         Ok((files::find(name, &folders, loc, what, self.report)?, loc))
     }
 
@@ -199,28 +190,14 @@ impl<'t> Builder<'t> {
     /// Reads all files, in parallel, and fills the mesh shapes.
     pub fn read_files(&mut self) -> Checked<Vec<Bitmap>> {
         let (meshes, images) = rayon::join(
-            || {
-                self.meshes
-                    .par_iter()
-                    .map(|(path, kind, _)| assets::read_mesh(path, *kind))
-                    .collect::<Vec<_>>()
-            },
-            || {
-                self.images
-                    .par_iter()
-                    .map(|(path, srgb, _)| assets::read_bitmap(path, *srgb))
-                    .collect::<Vec<_>>()
-            },
+            || self.meshes.par_iter().map(|(path, kind, _)| assets::read_mesh(path, *kind)).collect::<Vec<_>>(),
+            || self.images.par_iter().map(|(path, srgb, _)| assets::read_bitmap(path, *srgb)).collect::<Vec<_>>(),
         );
         let report = self.report;
         let (mesh_files, image_files) = (&self.meshes, &self.images);
         let fail = |path: &PathBuf, loc: Loc, error: String| {
             let name = path.display().to_string();
-            let text = if error.contains(&name) {
-                error
-            } else {
-                format!("{name}: {error}")
-            };
+            let text = if error.contains(&name) { error } else { format!("{name}: {error}") };
             report.error(loc, text)
         };
         let meshes: Vec<Checked<MeshData>> = meshes
@@ -241,11 +218,7 @@ impl<'t> Builder<'t> {
         for pending in &self.pending {
             users[pending.file] -= 1;
             let mesh = &mut meshes[pending.file];
-            let mut mesh = if users[pending.file] == 0 {
-                std::mem::take(mesh)
-            } else {
-                mesh.clone()
-            };
+            let mut mesh = if users[pending.file] == 0 { std::mem::take(mesh) } else { mesh.clone() };
             mesh.face_normals = pending.face_normals;
             mesh.max_smooth_angle = pending.max_smooth_angle;
             self.shapes[pending.shape].geometry = GeometryDesc::Mesh(mesh);

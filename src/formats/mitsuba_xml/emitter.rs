@@ -16,16 +16,8 @@ use crate::scene::texture::Color;
 
 const EMITTERS: [&str; 6] = ["area", "point", "spot", "directional", "constant", "envmap"];
 /// Known elsewhere, but not here.
-const UNSUPPORTED: [&str; 8] = [
-    "sunsky",
-    "sun",
-    "sky",
-    "projector",
-    "directionalarea",
-    "ies",
-    "collimated",
-    "timed_sunsky",
-];
+const UNSUPPORTED: [&str; 8] =
+    ["sunsky", "sun", "sky", "projector", "directionalarea", "ies", "collimated", "timed_sunsky"];
 
 /// Emitted radiance of an emitter that is nested in a shape.
 pub fn area(b: &mut Builder, id: ObjectId) -> Checked<Option<Color>> {
@@ -38,8 +30,7 @@ pub fn area(b: &mut Builder, id: ObjectId) -> Checked<Option<Color>> {
             return Err(b.report.error_help(props.object.kind_loc, message, help));
         }
         let message = format!("unknown emitter type \"{kind}\"; skipped");
-        b.report
-            .unknown(props.object.kind_loc, message, suggestion(kind, EMITTERS));
+        b.report.unknown(props.object.kind_loc, message, suggestion(kind, EMITTERS));
         return Ok(None);
     }
     if props.has("to_world") {
@@ -71,19 +62,12 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<()> {
         }
         "area" => {
             let help = Some("nest it in a <shape>".into());
-            return Err(b
-                .report
-                .error_help(props.object.loc, "an area emitter belongs to a shape", help));
+            return Err(b.report.error_help(props.object.loc, "an area emitter belongs to a shape", help));
         }
         _ => {
-            let message = if UNSUPPORTED.contains(&kind) {
-                "is not supported"
-            } else {
-                "is unknown"
-            };
+            let message = if UNSUPPORTED.contains(&kind) { "is not supported" } else { "is unknown" };
             let message = format!("emitter type \"{kind}\" {message}; skipped");
-            b.report
-                .unknown(props.object.kind_loc, message, suggestion(kind, EMITTERS));
+            b.report.unknown(props.object.kind_loc, message, suggestion(kind, EMITTERS));
             return Ok(());
         }
     };
@@ -118,16 +102,8 @@ fn intensity(b: &mut Builder, props: &Props, name: &'static str) -> Checked<Rgb>
 fn spot(b: &mut Builder, props: &Props) -> Checked<LightDesc> {
     let cutoff = props.float_or("cutoff_angle", 20.0)?;
     let beam = props.float_or("beam_width", cutoff * 0.75)?;
-    props.check(
-        cutoff > 0.0 && cutoff < 90.0,
-        "cutoff_angle",
-        "must lie between 0 and 90 degrees",
-    )?;
-    props.check(
-        (0.0..=cutoff).contains(&beam),
-        "beam_width",
-        "must lie between 0 and cutoff_angle",
-    )?;
+    props.check(cutoff > 0.0 && cutoff < 90.0, "cutoff_angle", "must lie between 0 and 90 degrees")?;
+    props.check((0.0..=cutoff).contains(&beam), "beam_width", "must lie between 0 and cutoff_angle")?;
     let texture = match color(b, props, "texture", 1.0, Usage::Emission)? {
         Color::Texture(id) => Some(id),
         Color::Constant(_) => None,

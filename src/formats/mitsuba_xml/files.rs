@@ -18,14 +18,8 @@ pub fn find(name: &str, folders: &[PathBuf], loc: Loc, what: &str, report: &Repo
         return Ok(path);
     }
     let slashed = name.replace('\\', "/");
-    if let Some(path) = folders
-        .iter()
-        .find_map(|folder| find_any_case(folder, Path::new(&slashed)))
-    {
-        report.warn(
-            loc,
-            format!("there is no file \"{name}\"; taking \"{}\"", path.display()),
-        );
+    if let Some(path) = folders.iter().find_map(|folder| find_any_case(folder, Path::new(&slashed))) {
+        report.warn(loc, format!("there is no file \"{name}\"; taking \"{}\"", path.display()));
         return Ok(path);
     }
     if folders.iter().any(|folder| folder.join(name).exists()) {
@@ -38,11 +32,7 @@ pub fn find(name: &str, folders: &[PathBuf], loc: Loc, what: &str, report: &Repo
 
 /// `folder/name`, each part in any case; of several matches the first by name.
 fn find_any_case(folder: &Path, name: &Path) -> Option<PathBuf> {
-    let mut path = if name.is_absolute() {
-        PathBuf::new()
-    } else {
-        folder.to_path_buf()
-    };
+    let mut path = if name.is_absolute() { PathBuf::new() } else { folder.to_path_buf() };
     for part in name.components() {
         let next = path.join(part);
         if next.exists() {
@@ -50,11 +40,7 @@ fn find_any_case(folder: &Path, name: &Path) -> Option<PathBuf> {
             continue;
         }
         let wanted = part.as_os_str().to_string_lossy().to_lowercase();
-        let here = if path.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            &path
-        };
+        let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
         let entries = fs::read_dir(here).ok()?.filter_map(Result::ok).map(|e| e.file_name());
         path = path.join(entries.filter(|e| e.to_string_lossy().to_lowercase() == wanted).min()?);
     }

@@ -47,10 +47,7 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report) -> Checked<FilmDesc> {
     let w = props.count("crop_width", 1, SIDE_LIMIT)?.unwrap_or(width);
     let h = props.count("crop_height", 1, SIDE_LIMIT)?.unwrap_or(height);
     let inside = |offset: i64, size: i64, full: i64| offset >= 0 && offset.saturating_add(size) <= full;
-    for (name, fits) in [
-        ("crop_offset_x", inside(x, w, width)),
-        ("crop_offset_y", inside(y, h, height)),
-    ] {
+    for (name, fits) in [("crop_offset_x", inside(x, w, width)), ("crop_offset_y", inside(y, h, height))] {
         if !fits {
             let message =
                 format!("the crop window {w} x {h} at ({x}, {y}) lies outside of the film {width} x {height}");
@@ -58,24 +55,8 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report) -> Checked<FilmDesc> {
         }
     }
     // How the picture is stored and shown is up to the command line.
-    props.ignore(&[
-        "file_format",
-        "pixel_format",
-        "component_format",
-        "sample_border",
-        "banner",
-        "gamma",
-        "exposure",
-    ]);
-    props.ignore(&[
-        "tonemap_method",
-        "key",
-        "burn",
-        "attach_log",
-        "high_quality_edges",
-        "compensate",
-        "filename",
-    ]);
+    props.ignore(&["file_format", "pixel_format", "component_format", "sample_border", "banner", "gamma", "exposure"]);
+    props.ignore(&["tonemap_method", "key", "burn", "attach_log", "high_quality_edges", "compensate", "filename"]);
     props.ignore(&["digits", "variable", "channel_names", "size_x", "size_y"]);
     props.finish();
     let crop = [x, y, w, h].map(|v| v as u32);
@@ -88,11 +69,7 @@ fn filter(tree: &Tree, id: ObjectId, report: &Report) -> Checked<PixelFilter> {
     let kind = props.object.kind.as_str();
     let positive = |name: &'static str, default: f64, limit: f64| {
         let value = props.float_or(name, default)?;
-        props.check(
-            value > 1e-6 && value <= limit,
-            name,
-            &format!("must lie between 0 and {limit}"),
-        )?;
+        props.check(value > 1e-6 && value <= limit, name, &format!("must lie between 0 and {limit}"))?;
         Ok(value as f32)
     };
     let filter = match kind {

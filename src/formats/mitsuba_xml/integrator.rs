@@ -48,10 +48,7 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report, depth: usize) -> Checked
     if WRAPPERS.contains(&name.as_str()) {
         let nested = props.nested("integrator");
         if let Some(&(_, loc)) = nested.get(1) {
-            report.warn(
-                loc,
-                format!("integrator type \"{name}\" holds several integrators; the first one counts"),
-            );
+            report.warn(loc, format!("integrator type \"{name}\" holds several integrators; the first one counts"));
         }
         if depth > 8 {
             return Err(report.error(props.object.loc, "integrators are nested too deep"));
@@ -71,11 +68,7 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report, depth: usize) -> Checked
     let photon = PHOTON.contains(&name.as_str()) || name == "dppm";
     if !photon && !OTHERS.contains(&name.as_str()) {
         let near = suggestion(&name, OTHERS.into_iter().chain(PHOTON).chain(WRAPPERS));
-        report.unknown(
-            props.object.kind_loc,
-            format!("unknown integrator type \"{name}\""),
-            near,
-        );
+        report.unknown(props.object.kind_loc, format!("unknown integrator type \"{name}\""), near);
     }
     let max_depth = match props.integer("max_depth")? {
         None if name == "direct" => Some(2),
@@ -96,28 +89,12 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report, depth: usize) -> Checked
         rr_depth: props.count("rr_depth", 1, MANY)?.map(|v| v as u32),
         hide_emitters: props.boolean_or("hide_emitters", false)?,
         timeout,
-        photon: if photon {
-            self::photon(&props)?
-        } else {
-            PhotonDesc::default()
-        },
+        photon: if photon { self::photon(&props)? } else { PhotonDesc::default() },
         name,
     };
-    props.ignore(&[
-        "strict_normals",
-        "samples_per_pass",
-        "block_size",
-        "rr_prob",
-        "light_image",
-        "sample_direct",
-    ]);
+    props.ignore(&["strict_normals", "samples_per_pass", "block_size", "rr_prob", "light_image", "sample_direct"]);
     if description.name == "direct" {
-        props.ignore(&[
-            "shading_samples",
-            "emitter_samples",
-            "bsdf_samples",
-            "luminaire_samples",
-        ]);
+        props.ignore(&["shading_samples", "emitter_samples", "bsdf_samples", "luminaire_samples"]);
     }
     props.finish();
     Ok(description)
@@ -133,11 +110,7 @@ fn photon(props: &Props) -> Checked<PhotonDesc> {
         Ok(value)
     };
     let alpha = props.float("alpha")?;
-    props.check(
-        alpha.is_none_or(|a| a > 0.0 && a <= 1.0),
-        "alpha",
-        "must lie between 0 and 1",
-    )?;
+    props.check(alpha.is_none_or(|a| a > 0.0 && a <= 1.0), "alpha", "must lie between 0 and 1")?;
     let unlimited = |name: &'static str| match props.integer(name)? {
         Some(-1) | None => Ok(None),
         Some(_) => small(name, 1),
@@ -157,20 +130,8 @@ fn photon(props: &Props) -> Checked<PhotonDesc> {
         max_specular_depth: small("max_specular_depth", 0)?,
     };
     // Volumes, and work-arounds of the old program that have no counterpart here.
-    props.ignore(&[
-        "volume_photons",
-        "volume_lookup_size",
-        "volume_lookup_radius",
-        "caustic_lookup_size",
-    ]);
-    props.ignore(&[
-        "glossy_samples",
-        "gather_locally",
-        "auto_cancel_gathering",
-        "granularity",
-        "k_nn",
-        "kNN",
-    ]);
+    props.ignore(&["volume_photons", "volume_lookup_size", "volume_lookup_radius", "caustic_lookup_size"]);
+    props.ignore(&["glossy_samples", "gather_locally", "auto_cancel_gathering", "granularity", "k_nn", "kNN"]);
     props.ignore(&["dual_buffer", "dualBuffer", "indirect_samples"]);
     Ok(description)
 }

@@ -25,16 +25,9 @@ pub fn mixture(b: &mut Builder, props: &Props) -> Checked<Material> {
     }
     let sum: f64 = weights.iter().sum();
     let positive = weights.iter().all(|w| *w >= 0.0) && sum > 0.0 && sum.is_finite();
-    props.check(
-        positive,
-        "weights",
-        "must not be negative, and their sum must be above 0",
-    )?;
+    props.check(positive, "weights", "must not be negative, and their sum must be above 0")?;
     if sum > 1.0 + 1e-6 {
-        b.report.warn(
-            props.loc("weights"),
-            format!("the weights add up to {sum}; scaled to 1"),
-        );
+        b.report.warn(props.loc("weights"), format!("the weights add up to {sum}; scaled to 1"));
     } else if sum < 1.0 - 1e-6 {
         let message = format!("the weights add up to {sum}; the rest of the light is absorbed");
         b.report.warn(props.loc("weights"), message);

@@ -64,11 +64,7 @@ pub fn load_text(path: &Path, text: &str, options: &LoadOptions) -> Result<Loade
     let description = tree.and_then(|tree| {
         // A broken tree is not built: its gaps would only make more errors.
         check_references(&tree, &report);
-        if report.failed() {
-            Err(Reported)
-        } else {
-            build(&tree, &report)
-        }
+        if report.failed() { Err(Reported) } else { build(&tree, &report) }
     });
     let warnings = report.finish()?;
     match description {

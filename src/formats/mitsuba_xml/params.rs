@@ -62,14 +62,9 @@ impl Params {
                 continue;
             }
             out.push_str(before);
-            let found = self
-                .list
-                .iter_mut()
-                .find(|p| !p.name.is_empty() && after.starts_with(&p.name));
+            let found = self.list.iter_mut().find(|p| !p.name.is_empty() && after.starts_with(&p.name));
             let Some(param) = found else {
-                let end = after
-                    .find(|c: char| !c.is_alphanumeric() && c != '_')
-                    .unwrap_or(after.len());
+                let end = after.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(after.len());
                 let help = suggestion(&after[..end], self.list.iter().map(|p| p.name.as_str()));
                 let help = help.or_else(|| Some("give it a <default> before its use, or -D name=value".into()));
                 return Err(report.error_help(loc, format!("undefined parameter \"${}\"", &after[..end]), help));
@@ -90,10 +85,7 @@ impl Params {
     pub fn finish(&self, loc: Loc, report: &Report) {
         for param in self.list.iter().filter(|p| p.waiting) {
             let names = self.list.iter().filter(|p| !p.waiting).map(|p| p.name.as_str());
-            let message = format!(
-                "parameter \"{}\" of the command line is not used in the scene",
-                param.name
-            );
+            let message = format!("parameter \"{}\" of the command line is not used in the scene", param.name);
             report.error_help(loc, message, suggestion(&param.name, names));
         }
     }

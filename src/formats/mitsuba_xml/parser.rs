@@ -83,16 +83,8 @@ pub fn parse(path: &Path, text: Rc<str>, defines: &[(String, String)], report: &
         tag: "scene".into(),
         kind: "scene".into(),
         id: None,
-        loc: Loc {
-            source,
-            start: 0,
-            len: 1,
-        },
-        kind_loc: Loc {
-            source,
-            start: 0,
-            len: 1,
-        },
+        loc: Loc { source, start: 0, len: 1 },
+        kind_loc: Loc { source, start: 0, len: 1 },
         legacy: false,
         properties: Vec::new(),
         children: Vec::new(),
@@ -107,10 +99,7 @@ pub fn parse(path: &Path, text: Rc<str>, defines: &[(String, String)], report: &
 impl Parser<'_> {
     /// Reads one file into the object `parent`; `name` replaces the name of an only object in it.
     fn file(&mut self, source: u32, text: &str, parent: ObjectId, name: Option<String>) -> Checked<()> {
-        let options = roxmltree::ParsingOptions {
-            nodes_limit: NODE_LIMIT,
-            ..roxmltree::ParsingOptions::default()
-        };
+        let options = roxmltree::ParsingOptions { nodes_limit: NODE_LIMIT, ..roxmltree::ParsingOptions::default() };
         let document =
             roxmltree::Document::parse_with_options(text, options).map_err(|e| self.xml_error(source, text, &e))?;
         let root = document.root_element();
@@ -121,10 +110,7 @@ impl Parser<'_> {
         if root.tag_name().name() != "scene" {
             if self.open.len() > 1 && OBJECTS.contains(&root.tag_name().name()) {
                 // An include may hold a single object instead of a scene.
-                let file = File {
-                    source,
-                    legacy: self.tree.objects[parent].legacy,
-                };
+                let file = File { source, legacy: self.tree.objects[parent].legacy };
                 return self.element(root, file, parent, self.open.len(), name);
             }
             let message = format!("expected <scene>, found <{}>", root.tag_name().name());
@@ -133,8 +119,7 @@ impl Parser<'_> {
         let attrs = Attrs::new(root, source, &mut self.params, self.report)?;
         let legacy = match attrs.get("version") {
             None => {
-                self.report
-                    .warn(loc, "the scene has no version; reading names of old and new versions");
+                self.report.warn(loc, "the scene has no version; reading names of old and new versions");
                 true
             }
             Some(attr) => {
@@ -145,8 +130,7 @@ impl Parser<'_> {
                     return Err(self.report.error_help(attr.loc, message, help));
                 }
                 if version[0] > 3 {
-                    self.report
-                        .warn(attr.loc, "this version is newer than what is known here (3.x)");
+                    self.report.warn(attr.loc, "this version is newer than what is known here (3.x)");
                 }
                 version[0] < 2
             }
@@ -157,12 +141,8 @@ impl Parser<'_> {
         if self.open.len() == 1 {
             self.tree.objects[0].legacy = legacy;
         }
-        let only = root
-            .children()
-            .filter(Node::is_element)
-            .filter(|n| OBJECTS.contains(&n.tag_name().name()))
-            .count()
-            == 1;
+        let only =
+            root.children().filter(Node::is_element).filter(|n| OBJECTS.contains(&n.tag_name().name())).count() == 1;
         self.children(root, file, parent, self.open.len(), name.filter(|_| only));
         Ok(())
     }
@@ -177,11 +157,8 @@ impl Parser<'_> {
         let start = line_start + inside;
         // The position is said once, in front of the message.
         let message = error.to_string();
-        let message = message
-            .strip_suffix(&format!(" at {}:{}", pos.row, pos.col))
-            .unwrap_or(&message);
-        self.report
-            .error(loc_of(source, start..start + 1), format!("XML: {message}"))
+        let message = message.strip_suffix(&format!(" at {}:{}", pos.row, pos.col)).unwrap_or(&message);
+        self.report.error(loc_of(source, start..start + 1), format!("XML: {message}"))
     }
 
     /// Reads the elements inside of `node`; mistakes in one do not keep the others from being read.
@@ -197,8 +174,7 @@ impl Parser<'_> {
                 let skipped = child.text().map_or(0, |t| t.len() - t.trim_start().len());
                 let start = (range.start + skipped).min(range.end);
                 let loc = loc_of(file.source, start..range.end);
-                self.report
-                    .unknown(loc, "text outside of attributes means nothing", None);
+                self.report.unknown(loc, "text outside of attributes means nothing", None);
             }
         }
     }
@@ -208,15 +184,11 @@ impl Parser<'_> {
         let tag = node.tag_name().name();
         let loc = tag_loc(file.source, node);
         if depth > NESTING_LIMIT + INCLUDE_DEPTH {
-            return Err(self
-                .report
-                .error(loc, format!("elements are nested more than {NESTING_LIMIT} deep")));
+            return Err(self.report.error(loc, format!("elements are nested more than {NESTING_LIMIT} deep")));
         }
         if matches!(tag, "camera" | "luminaire") {
             let help = Some("open and save it with Mitsuba 0.6, which upgrades it".into());
-            return Err(self
-                .report
-                .error_help(loc, format!("<{tag}> of version 0.3 is not supported"), help));
+            return Err(self.report.error_help(loc, format!("<{tag}> of version 0.3 is not supported"), help));
         }
         let object = OBJECTS.contains(&tag) || (tag == "spectrum" && node.has_attribute("type"));
         if !object && !PROPERTIES.contains(&tag) && !COMMANDS.contains(&tag) {
@@ -240,13 +212,9 @@ impl Parser<'_> {
                 attrs.finish(&["id", "as"], self.report);
                 let taken = self.tree.ids.contains_key(&alias.value) || self.tree.aliases.contains_key(&alias.value);
                 if taken {
-                    return Err(self
-                        .report
-                        .error(alias.loc, format!("the id \"{}\" is used twice", alias.value)));
+                    return Err(self.report.error(alias.loc, format!("the id \"{}\" is used twice", alias.value)));
                 }
-                self.tree
-                    .aliases
-                    .insert(alias.value.clone(), (id.value.clone(), id.loc));
+                self.tree.aliases.insert(alias.value.clone(), (id.value.clone(), id.loc));
             }
             "path" => {
                 let value = attrs.need("value", self.report)?;
@@ -255,34 +223,18 @@ impl Parser<'_> {
                     return Err(self.report.error(loc, "<path> is allowed at the top of the scene only"));
                 }
                 let relative = files::folder_of(&self.report.path(file.source)).join(&value.value);
-                let folder = if relative.is_dir() {
-                    relative
-                } else {
-                    PathBuf::from(&value.value)
-                };
+                let folder = if relative.is_dir() { relative } else { PathBuf::from(&value.value) };
                 if !folder.is_dir() {
-                    self.report
-                        .warn(value.loc, format!("there is no folder \"{}\"", value.value));
+                    self.report.warn(value.loc, format!("there is no folder \"{}\"", value.value));
                 }
                 self.tree.folders.push(folder);
             }
             "ref" => {
                 let id = attrs.need("id", self.report)?;
-                let name = attrs
-                    .get("name")
-                    .map(|a| self.property_name(&a.value, parent, file))
-                    .or(name);
+                let name = attrs.get("name").map(|a| self.property_name(&a.value, parent, file)).or(name);
                 attrs.finish(&["id", "name"], self.report);
                 let target = Target::Ref(id.value.clone());
-                self.add_child(
-                    parent,
-                    Child {
-                        name,
-                        target,
-                        loc: id.loc,
-                        used: Cell::new(false),
-                    },
-                );
+                self.add_child(parent, Child { name, target, loc: id.loc, used: Cell::new(false) });
             }
             _ => self.property(node, tag, &attrs, file, parent)?,
         }
@@ -322,11 +274,7 @@ impl Parser<'_> {
         let index = self.tree.objects.len();
         self.tree.objects.push(Object {
             tag: tag.to_owned(),
-            kind: if file.legacy {
-                upgrade::plugin(tag, &kind.value)
-            } else {
-                kind.value.clone()
-            },
+            kind: if file.legacy { upgrade::plugin(tag, &kind.value) } else { kind.value.clone() },
             id: id.as_ref().map(|(id, _)| id.clone()),
             loc: attrs.loc,
             kind_loc: kind.loc,
@@ -343,15 +291,7 @@ impl Parser<'_> {
             }
         }
         let target = Target::Object(index);
-        self.add_child(
-            parent,
-            Child {
-                name,
-                target,
-                loc: attrs.loc,
-                used: Cell::new(false),
-            },
-        );
+        self.add_child(parent, Child { name, target, loc: attrs.loc, used: Cell::new(false) });
         self.children(node, file, index, depth, None);
         Ok(())
     }
@@ -386,11 +326,7 @@ impl Parser<'_> {
     fn property(&mut self, node: Node, tag: &str, attrs: &Attrs, file: File, parent: ObjectId) -> Checked<()> {
         let report = self.report;
         let name = attrs.need("name", report)?;
-        let value = |parser| {
-            attrs
-                .need("value", report)
-                .and_then(|a| Attrs::parse(a, parser, report))
-        };
+        let value = |parser| attrs.need("value", report).and_then(|a| Attrs::parse(a, parser, report));
         let value = match tag {
             "integer" => Value::Integer(Attrs::parse(attrs.need("value", report)?, values::integer, report)?),
             "float" => Value::Float(value(values::number)?),
@@ -427,9 +363,7 @@ impl Parser<'_> {
                 Err(rgb) => Value::Rgb(rgb),
             }),
             (None, Some(filename)) => Ok(Value::Spectrum(Spectrum::File(filename.value.clone()))),
-            _ => Err(self
-                .report
-                .error(attrs.loc, "<spectrum> needs exactly one of \"value\" and \"filename\"")),
+            _ => Err(self.report.error(attrs.loc, "<spectrum> needs exactly one of \"value\" and \"filename\"")),
         }
     }
 
@@ -450,8 +384,7 @@ impl Parser<'_> {
         object.properties.retain(|p| p.name != name);
         object.children.retain(|c| c.name.as_deref() != Some(name));
         if object.properties.len() + object.children.len() < before {
-            self.report
-                .warn(loc, format!("\"{name}\" is given twice; the last one counts"));
+            self.report.warn(loc, format!("\"{name}\" is given twice; the last one counts"));
         }
     }
 }

@@ -21,12 +21,7 @@ impl<'t> Props<'t> {
     /// Access to an object.
     pub fn new(tree: &'t Tree, id: ObjectId, report: &'t Report) -> Self {
         let (object, known) = (&tree.objects[id], RefCell::default());
-        Self {
-            object,
-            report,
-            tree,
-            known,
-        }
+        Self { object, report, tree, known }
     }
 
     /// `bsdf type "diffuse"`, for messages.
@@ -49,10 +44,7 @@ impl<'t> Props<'t> {
     pub fn loc(&self, name: &str) -> Loc {
         let property = self.object.properties.iter().find(|p| p.name == name);
         let child = self.object.children.iter().find(|c| c.name.as_deref() == Some(name));
-        property
-            .map(|p| p.loc)
-            .or(child.map(|c| c.loc))
-            .unwrap_or(self.object.loc)
+        property.map(|p| p.loc).or(child.map(|c| c.loc)).unwrap_or(self.object.loc)
     }
 
     /// Whether a property or named child is there.
@@ -76,18 +68,13 @@ impl<'t> Props<'t> {
 
     /// An error about a property unless a condition holds.
     pub fn check(&self, holds: bool, name: &str, message: &str) -> Checked<()> {
-        if holds {
-            Ok(())
-        } else {
-            Err(self.error(name, format!("{name} {message}")))
-        }
+        if holds { Ok(()) } else { Err(self.error(name, format!("{name} {message}"))) }
     }
 
     /// Error for a value of the wrong type.
     pub fn mismatch(&self, property: &Property, expected: &str) -> Reported {
         let (name, found) = (&property.written, property.value.kind());
-        self.report
-            .error(property.loc, format!("\"{name}\" should be {expected}, but is {found}"))
+        self.report.error(property.loc, format!("\"{name}\" should be {expected}, but is {found}"))
     }
 
     /// A number.
@@ -109,8 +96,7 @@ impl<'t> Props<'t> {
         self.get(name).map_or(Ok(None), |p| match p.value {
             Value::Integer(v) => Ok(Some(v)),
             Value::Float(v) if v.fract() == 0.0 && v.abs() < 1e15 => {
-                self.report
-                    .warn(p.loc, format!("\"{}\" is an integer, written as a float", p.written));
+                self.report.warn(p.loc, format!("\"{}\" is an integer, written as a float", p.written));
                 Ok(Some(v as i64))
             }
             _ => Err(self.mismatch(p, "an integer")),
@@ -152,8 +138,7 @@ impl<'t> Props<'t> {
         words.iter().copied().find(|w| *w == lower).ok_or_else(|| {
             let help = suggestion(&lower, words.iter().copied());
             let help = help.unwrap_or_else(|| format!("there are {}", words.join(", ")));
-            self.report
-                .error_help(self.loc(name), format!("unknown {name} \"{text}\""), Some(help))
+            self.report.error_help(self.loc(name), format!("unknown {name} \"{text}\""), Some(help))
         })
     }
 
@@ -189,13 +174,7 @@ impl<'t> Props<'t> {
     /// The nested object of a name, if it is there, whatever its tag.
     pub fn named(&self, name: &'static str) -> Checked<Option<(ObjectId, &'t Object, Loc)>> {
         self.known.borrow_mut().push(name);
-        let Some(child) = self
-            .object
-            .children
-            .iter()
-            .rev()
-            .find(|c| c.name.as_deref() == Some(name))
-        else {
+        let Some(child) = self.object.children.iter().rev().find(|c| c.name.as_deref() == Some(name)) else {
             return Ok(None);
         };
         child.used.set(true);
@@ -220,17 +199,11 @@ impl<'t> Props<'t> {
         let found = self.nested(tag);
         let title = self.title();
         if found.len() < low {
-            let many = if low == 1 {
-                format!("a nested <{tag}>")
-            } else {
-                format!("{low} nested <{tag}>s")
-            };
+            let many = if low == 1 { format!("a nested <{tag}>") } else { format!("{low} nested <{tag}>s") };
             return Err(self.report.error(self.object.loc, format!("{title} needs {many}")));
         }
         if let Some(&(_, loc)) = found.get(high) {
-            return Err(self
-                .report
-                .error(loc, format!("{title} takes at most {high} nested <{tag}>")));
+            return Err(self.report.error(loc, format!("{title} takes at most {high} nested <{tag}>")));
         }
         Ok(found)
     }
@@ -257,12 +230,9 @@ impl<'t> Props<'t> {
             match &child.name {
                 Some(name) => {
                     let near = suggestion(name, known.iter().copied());
-                    self.report
-                        .unknown(child.loc, format!("unknown property \"{name}\" of {title}"), near);
+                    self.report.unknown(child.loc, format!("unknown property \"{name}\" of {title}"), near);
                 }
-                None => self
-                    .report
-                    .unknown(child.loc, format!("{title} has no use for a nested <{tag}>"), None),
+                None => self.report.unknown(child.loc, format!("{title} has no use for a nested <{tag}>"), None),
             }
         }
     }

@@ -99,11 +99,7 @@ impl Report {
 
     /// Reports a word that this reader does not know: a warning, or an error if strict.
     pub fn unknown(&self, loc: Loc, message: impl Into<String>, help: Option<String>) {
-        let severity = if self.strict {
-            Severity::Error
-        } else {
-            Severity::Warning
-        };
+        let severity = if self.strict { Severity::Error } else { Severity::Warning };
         self.push(loc, severity, message.into(), help);
     }
 
@@ -133,10 +129,6 @@ impl Report {
                 last.help = Some(last.help.take().map_or(more.clone(), |h| format!("{h}; {more}")));
             }
         }
-        if self.counts[0].get() > 0 {
-            Err(Diagnostics(list))
-        } else {
-            Ok(list)
-        }
+        if self.counts[0].get() > 0 { Err(Diagnostics(list)) } else { Ok(list) }
     }
 }

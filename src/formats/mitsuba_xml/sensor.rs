@@ -39,10 +39,7 @@ pub fn read(tree: &Tree, id: ObjectId, report: &Report) -> Checked<Sensor> {
         Some(&(film, _)) => film::read(tree, film, report),
         None => Ok(film::default()),
     };
-    let sampler = props
-        .nested_count("sampler", 0, 1)?
-        .first()
-        .map(|&(s, _)| sampler(tree, s, report));
+    let sampler = props.nested_count("sampler", 0, 1)?.first().map(|&(s, _)| sampler(tree, s, report));
     let film = film?;
     let near_clip = props.float_or("near_clip", 0.01)?;
     let far_clip = props.float_or("far_clip", 10_000.0)?;
@@ -96,11 +93,7 @@ fn horizontal_fov(props: &Props, aspect: f64) -> Checked<f64> {
         (Some(_), Some(_)) => return Err(props.error("focal_length", "give either fov or focal_length, not both")),
         (Some(degrees), None) => {
             let name = "fov";
-            props.check(
-                degrees > 0.0 && degrees < 180.0,
-                name,
-                "must lie between 0 and 180 degrees",
-            )?;
+            props.check(degrees > 0.0 && degrees < 180.0, name, "must lie between 0 and 180 degrees")?;
             (degrees.to_radians(), axis)
         }
         (None, focal) => {
@@ -144,13 +137,7 @@ fn sampler(tree: &Tree, id: ObjectId, report: &Report) -> Checked<(Option<u32>, 
     let props = Props::new(tree, id, report);
     let count = props.count("sample_count", 1, 1 << 30)?.map(|v| v as u32);
     let seed = props.count("seed", 0, i64::MAX)?.unwrap_or(0) as u64;
-    props.ignore(&[
-        "scramble",
-        "dimension",
-        "jitter",
-        "wavefront_size",
-        "samples_per_wavefront",
-    ]);
+    props.ignore(&["scramble", "dimension", "jitter", "wavefront_size", "samples_per_wavefront"]);
     props.finish();
     Ok((count, seed))
 }

@@ -13,18 +13,8 @@ use crate::math::{DMat4, DVec3};
 use crate::scene::description::{GeometryDesc, ShapeDesc};
 use crate::scene::mesh::MeshData;
 
-const SHAPES: [&str; 10] = [
-    "rectangle",
-    "cube",
-    "sphere",
-    "disk",
-    "cylinder",
-    "obj",
-    "ply",
-    "serialized",
-    "shapegroup",
-    "instance",
-];
+const SHAPES: [&str; 10] =
+    ["rectangle", "cube", "sphere", "disk", "cylinder", "obj", "ply", "serialized", "shapegroup", "instance"];
 
 /// Most shapes that instances may make.
 const SHAPE_LIMIT: usize = 1 << 20;
@@ -72,8 +62,7 @@ fn single(b: &mut Builder, props: &Props, number: usize, outer: DMat4) -> Checke
     let kind = props.object.kind.as_str();
     if !SHAPES.contains(&kind) {
         let message = format!("unknown shape type \"{kind}\"; skipped");
-        b.report
-            .unknown(props.object.kind_loc, message, suggestion(kind, SHAPES));
+        b.report.unknown(props.object.kind_loc, message, suggestion(kind, SHAPES));
         return Ok(());
     }
     let to_world = outer * props.to_world()?;
@@ -109,26 +98,10 @@ fn single(b: &mut Builder, props: &Props, number: usize, outer: DMat4) -> Checke
     props.finish();
     if let Some((file, face_normals, max_smooth_angle)) = file {
         let shape = b.shapes.len();
-        b.pending.push(PendingMesh {
-            shape,
-            file,
-            face_normals,
-            max_smooth_angle,
-        });
+        b.pending.push(PendingMesh { shape, file, face_normals, max_smooth_angle });
     }
-    let name = props
-        .object
-        .id
-        .clone()
-        .unwrap_or_else(|| format!("shape {number} ({kind})"));
-    b.shapes.push(ShapeDesc {
-        name,
-        geometry,
-        to_world,
-        flip_normals,
-        material,
-        emission,
-    });
+    let name = props.object.id.clone().unwrap_or_else(|| format!("shape {number} ({kind})"));
+    b.shapes.push(ShapeDesc { name, geometry, to_world, flip_normals, material, emission });
     Ok(())
 }
 
@@ -157,11 +130,7 @@ fn uniform(m: DMat4) -> bool {
 fn mesh(b: &mut Builder, props: &Props, kind: &str) -> Checked<(usize, bool, Option<f32>)> {
     let face_normals = props.boolean_or("face_normals", false)?;
     let angle = props.float("max_smooth_angle")?;
-    props.check(
-        angle.is_none_or(|a| (0.0..=180.0).contains(&a)),
-        "max_smooth_angle",
-        "must lie between 0 and 180",
-    )?;
+    props.check(angle.is_none_or(|a| (0.0..=180.0).contains(&a)), "max_smooth_angle", "must lie between 0 and 180")?;
     let kind = match kind {
         "obj" => MeshKind::Obj(props.boolean_or("flip_tex_coords", true)?),
         "ply" => MeshKind::Ply(props.boolean_or("flip_tex_coords", false)?),
@@ -191,8 +160,7 @@ fn surface(b: &mut Builder, props: &Props) -> Checked<(u32, Option<crate::scene:
     }
     let unsupported = |list: Vec<(ObjectId, Loc)>, what: &str| {
         for (_, loc) in list {
-            b.report
-                .unknown(loc, format!("{what} on shapes are not supported; ignored"), None);
+            b.report.unknown(loc, format!("{what} on shapes are not supported; ignored"), None);
         }
     };
     unsupported(props.nested("sensor"), "sensors");

@@ -31,11 +31,7 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<Texture> {
         "scale" => {
             let factor = constant(b, &props, "scale", 1.0, Usage::Constant)?;
             let nested = props.nested_count("texture", 0, 1)?;
-            let texture = match nested
-                .first()
-                .copied()
-                .or(props.named("value")?.map(|(id, _, loc)| (id, loc)))
-            {
+            let texture = match nested.first().copied().or(props.named("value")?.map(|(id, _, loc)| (id, loc))) {
                 Some((id, loc)) => b.texture(id, loc)?,
                 None => {
                     let value = color(b, &props, "value", 0.5, Usage::Constant)?;
@@ -46,8 +42,7 @@ pub fn read(b: &mut Builder, id: ObjectId) -> Checked<Texture> {
         }
         _ => {
             let message = format!("unknown texture type \"{kind}\"; using grey 0.5");
-            b.report
-                .unknown(props.object.kind_loc, message, suggestion(kind, TEXTURES));
+            b.report.unknown(props.object.kind_loc, message, suggestion(kind, TEXTURES));
             return Ok(constant_texture(Rgb::splat(0.5)));
         }
     };
@@ -79,10 +74,7 @@ fn bitmap(b: &mut Builder, props: &Props) -> Checked<Texture> {
         if props.has(name) {
             let other = props.choice(name, &words)?;
             if name == "wrap_mode_v" && other != wrap {
-                b.report.warn(
-                    props.loc(name),
-                    "different wrap modes for u and v are not supported; u counts",
-                );
+                b.report.warn(props.loc(name), "different wrap modes for u and v are not supported; u counts");
                 continue;
             }
             wrap = other;
@@ -93,26 +85,17 @@ fn bitmap(b: &mut Builder, props: &Props) -> Checked<Texture> {
         "clamp" => Wrap::Clamp,
         "repeat" => Wrap::Repeat,
         other => {
-            b.report.warn(
-                props.loc("wrap_mode"),
-                format!("wrap mode \"{other}\" is not supported; using \"clamp\""),
-            );
+            b.report.warn(props.loc("wrap_mode"), format!("wrap mode \"{other}\" is not supported; using \"clamp\""));
             Wrap::Clamp
         }
     };
     let raw = props.boolean_or("raw", false)?;
     let gamma = props.float("gamma")?;
     if gamma.is_some_and(|g| g > 0.0 && g != 1.0 && (g - 2.2).abs() > 0.01) {
-        b.report.warn(
-            props.loc("gamma"),
-            "the gamma of a picture is ignored unless it is 1 (linear)",
-        );
+        b.report.warn(props.loc("gamma"), "the gamma of a picture is ignored unless it is 1 (linear)");
     }
     if let Some(channel) = props.string("channel")? {
-        b.report.warn(
-            props.loc("channel"),
-            format!("channel \"{channel}\" is not supported; using the colour"),
-        );
+        b.report.warn(props.loc("channel"), format!("channel \"{channel}\" is not supported; using the colour"));
     }
     props.ignore(&["max_anisotropy", "cache", "format", "accel"]);
     let to_uv = to_uv(props)?;
@@ -164,19 +147,11 @@ pub fn color(b: &mut Builder, props: &Props, name: &'static str, default: f64, u
 
 /// Brings a colour into its legal range, aloud.
 fn legal(b: &Builder, value: [f64; 3], loc: Loc, name: &str, usage: Usage) -> [f64; 3] {
-    let high = if usage == Usage::Reflectance {
-        1.0
-    } else {
-        f64::INFINITY
-    };
+    let high = if usage == Usage::Reflectance { 1.0 } else { f64::INFINITY };
     if usage == Usage::Constant || value.iter().all(|v| (0.0..=high).contains(v)) {
         return value;
     }
-    let range = if usage == Usage::Reflectance {
-        "between 0 and 1"
-    } else {
-        "0 or more"
-    };
+    let range = if usage == Usage::Reflectance { "between 0 and 1" } else { "0 or more" };
     b.report.warn(loc, format!("{name} should be {range}; clamped"));
     value.map(|v| v.clamp(0.0, high))
 }
@@ -185,10 +160,9 @@ fn legal(b: &Builder, value: [f64; 3], loc: Loc, name: &str, usage: Usage) -> [f
 pub fn constant(b: &mut Builder, props: &Props, name: &'static str, default: f64, usage: Usage) -> Checked<Rgb> {
     match color(b, props, name, default, usage)? {
         Color::Constant(value) => Ok(value),
-        Color::Texture(_) => Err(props.error(
-            name,
-            format!("a texture is not supported for {name} of {}", props.title()),
-        )),
+        Color::Texture(_) => {
+            Err(props.error(name, format!("a texture is not supported for {name} of {}", props.title())))
+        }
     }
 }
 
@@ -223,10 +197,7 @@ fn spectrum_object(b: &mut Builder, id: ObjectId, usage: Usage) -> Checked<Rgb> 
     let kind = object.kind.as_str();
     let list = |name: &'static str| -> Checked<Vec<f64>> {
         let text = props.string(name)?.ok_or_else(|| {
-            b.report.error(
-                object.loc,
-                format!("spectrum type \"{kind}\" needs the property \"{name}\""),
-            )
+            b.report.error(object.loc, format!("spectrum type \"{kind}\" needs the property \"{name}\""))
         })?;
         values::numbers(text).map_err(|m| props.error(name, m))
     };
@@ -235,9 +206,7 @@ fn spectrum_object(b: &mut Builder, id: ObjectId, usage: Usage) -> Checked<Rgb> 
         "rgb" | "srgb" => match props.get("color").or(props.get("value")).map(|p| &p.value) {
             Some(Value::Rgb(c)) => *c,
             _ => {
-                return Err(b
-                    .report
-                    .error(object.loc, format!("spectrum type \"{kind}\" needs a colour \"color\"")));
+                return Err(b.report.error(object.loc, format!("spectrum type \"{kind}\" needs a colour \"color\"")));
             }
         },
         // Seen as emission D65 is white; as reflectance it makes little sense, and means grey.
@@ -253,10 +222,7 @@ fn spectrum_object(b: &mut Builder, id: ObjectId, usage: Usage) -> Checked<Rgb> 
                 (0..values.len()).map(|i| low + step * i as f64).collect()
             };
             if values.len() != wavelengths.len() || values.len() < 2 {
-                return Err(b.report.error(
-                    object.loc,
-                    "a spectrum needs as many values as wavelengths, two at least",
-                ));
+                return Err(b.report.error(object.loc, "a spectrum needs as many values as wavelengths, two at least"));
             }
             let mut samples = Vec::new();
             for (nm, value) in wavelengths.into_iter().zip(values) {

@@ -88,9 +88,7 @@ fn matrix(attr: &Attr, report: &Report) -> Checked<DMat4> {
             }
             Ok(m)
         }
-        9 => Ok(DMat4::from_mat3(
-            glam::DMat3::from_cols_array(&std::array::from_fn(|i| m[i])).transpose(),
-        )),
+        9 => Ok(DMat4::from_mat3(glam::DMat3::from_cols_array(&std::array::from_fn(|i| m[i])).transpose())),
         n => Err(report.error(attr.loc, format!("a matrix has 16 or 9 numbers, this one {n}"))),
     }
 }
@@ -99,10 +97,7 @@ fn matrix(attr: &Attr, report: &Report) -> Checked<DMat4> {
 fn lookat(attrs: &Attrs, report: &Report) -> Checked<DMat4> {
     let origin = Attrs::parse(attrs.need("origin", report)?, values::vector, report)?;
     let target = Attrs::parse(attrs.need("target", report)?, values::vector, report)?;
-    let up = attrs
-        .get("up")
-        .map(|up| Attrs::parse(up, values::vector, report))
-        .transpose()?;
+    let up = attrs.get("up").map(|up| Attrs::parse(up, values::vector, report)).transpose()?;
     look_at(origin, target, up.unwrap_or(DVec3::ZERO), attrs.loc, report)
 }
 
@@ -122,10 +117,5 @@ fn look_at(origin: DVec3, target: DVec3, up: DVec3, loc: Loc, report: &Report) -
     }
     let x = x.normalize();
     let y = z.cross(x);
-    Ok(DMat4::from_cols(
-        x.extend(0.0),
-        y.extend(0.0),
-        z.extend(0.0),
-        origin.extend(1.0),
-    ))
+    Ok(DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), origin.extend(1.0)))
 }

@@ -23,18 +23,12 @@ pub fn version(text: &str) -> Result<[u32; 3], String> {
     let mut parts = [0; 3];
     let words: Vec<&str> = text.trim().split('.').collect();
     if words.len() > 3 {
-        return Err(format!(
-            "expected a version such as 3.0.0, got \"{}\"",
-            super::values::brief(text)
-        ));
+        return Err(format!("expected a version such as 3.0.0, got \"{}\"", super::values::brief(text)));
     }
     for (part, word) in parts.iter_mut().zip(words) {
-        *part = word.parse().map_err(|_| {
-            format!(
-                "expected a version such as 3.0.0, got \"{}\"",
-                super::values::brief(text)
-            )
-        })?;
+        *part = word
+            .parse()
+            .map_err(|_| format!("expected a version such as 3.0.0, got \"{}\"", super::values::brief(text)))?;
     }
     Ok(parts)
 }

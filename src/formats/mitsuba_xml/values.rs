@@ -21,9 +21,7 @@ pub fn number(text: &str) -> Result<f64, String> {
 /// A 64-bit integer with nothing after it.
 pub fn integer(text: &str) -> Result<i64, String> {
     let trimmed = text.trim();
-    trimmed
-        .parse()
-        .map_err(|_| format!("expected an integer, got \"{}\"", brief(text)))
+    trimmed.parse().map_err(|_| format!("expected an integer, got \"{}\"", brief(text)))
 }
 
 /// `true` or `false` in any case.
@@ -37,8 +35,7 @@ pub fn boolean(text: &str) -> Result<bool, String> {
 
 /// The words of a list separated by commas and blanks.
 fn words(text: &str) -> impl Iterator<Item = &str> {
-    text.split(|c: char| c == ',' || c.is_whitespace())
-        .filter(|w| !w.is_empty())
+    text.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty())
 }
 
 /// Numbers separated by commas and blanks.
@@ -74,11 +71,7 @@ pub fn rgb(text: &str) -> Result<[f64; 3], String> {
 /// As [`rgb`], with the sRGB curve decoded in any case (the legacy tag `srgb`).
 pub fn srgb(text: &str) -> Result<[f64; 3], String> {
     let value = rgb(text)?;
-    Ok(if text.trim().starts_with('#') {
-        value
-    } else {
-        value.map(|v| srgb_to_linear(v.max(0.0)))
-    })
+    Ok(if text.trim().starts_with('#') { value } else { value.map(|v| srgb_to_linear(v.max(0.0))) })
 }
 
 /// Value of `<spectrum value="...">`: a spectrum, or a legacy colour triple.
@@ -99,10 +92,7 @@ pub fn spectrum(text: &str) -> Result<Result<Spectrum, [f64; 3]>, String> {
     match numbers(text)?[..] {
         [v] => Ok(Ok(Spectrum::Uniform(v))),
         [r, g, b] => Ok(Err([r, g, b])),
-        ref list => Err(format!(
-            "expected one number or \"wavelength:value\" pairs, got {} numbers",
-            list.len()
-        )),
+        ref list => Err(format!("expected one number or \"wavelength:value\" pairs, got {} numbers", list.len())),
     }
 }
 
@@ -146,10 +136,7 @@ mod tests {
         assert!(rgb("#ff80").is_err() && rgb("#+f8000").is_err() && rgb("#ééé").is_err());
         assert_eq!(spectrum("0.25"), Ok(Ok(Spectrum::Uniform(0.25))));
         assert_eq!(spectrum("1, 2, 3"), Ok(Err([1.0, 2.0, 3.0])));
-        assert_eq!(
-            spectrum("400:1, 500:2"),
-            Ok(Ok(Spectrum::List(vec![(400.0, 1.0), (500.0, 2.0)])))
-        );
+        assert_eq!(spectrum("400:1, 500:2"), Ok(Ok(Spectrum::List(vec![(400.0, 1.0), (500.0, 2.0)]))));
         assert!(spectrum("500:1 400:2").is_err() && spectrum("400:1 500").is_err() && spectrum("").is_err());
     }
 }

@@ -23,8 +23,7 @@ fn cube() -> MeshData {
             let (n, u, v) = (unit(0) * side, unit(1), unit(2) * side);
             let first = data.positions.len() as u32;
             data.positions.extend([n - u - v, n + u - v, n + u + v, n - u + v]);
-            data.triangles
-                .extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            data.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         }
     }
     data
@@ -40,10 +39,8 @@ fn globe(rows: u32, columns: u32) -> MeshData {
                 (i % columns) as f64 / columns as f64 * std::f64::consts::TAU,
             );
             let sin = if j == rows { 0.0 } else { theta.sin() };
-            data.positions
-                .push(DVec3::new(sin * phi.cos(), sin * phi.sin(), theta.cos()).as_vec3());
-            data.uvs
-                .push(Vec2::new(i as f32 / columns as f32, j as f32 / rows as f32));
+            data.positions.push(DVec3::new(sin * phi.cos(), sin * phi.sin(), theta.cos()).as_vec3());
+            data.uvs.push(Vec2::new(i as f32 / columns as f32, j as f32 / rows as f32));
         }
     }
     let at = |i: u32, j: u32| j * (columns + 1) + i;
@@ -68,16 +65,9 @@ fn a_closed_cube_has_its_twelve_creases_and_no_diagonals_wherever_it_stands() {
                 * DMat4::from_rotation_x(turn as f64 * 0.37)
                 * DMat4::from_rotation_z(turn as f64)
                 * DMat4::from_scale(DVec3::splat(scale));
-            let data = MeshData {
-                face_normals: true,
-                ..cube()
-            };
+            let data = MeshData { face_normals: true, ..cube() };
             let mesh = Mesh::new(data, &m, turn % 2 == 1).expect("cube");
-            assert_eq!(
-                (count(&mesh, Always), count(&mesh, Never)),
-                (24, 12),
-                "{scale} {offset} {turn}"
-            );
+            assert_eq!((count(&mesh, Always), count(&mesh, Never)), (24, 12), "{scale} {offset} {turn}");
             assert!(mesh.neighbors.iter().flatten().all(|&n| n < 12));
         }
     }
@@ -102,13 +92,7 @@ fn a_smooth_closed_surface_has_silhouettes_only_even_across_uv_seams() {
 
 #[test]
 fn open_branched_and_contradicting_edges_are_seen_from_everywhere() {
-    let p = [
-        [0., 0., 0.],
-        [1., 0., 0.],
-        [0., 1., 0.],
-        [1., 1., 0.01],
-        [0.5, 0.5, 1.0],
-    ];
+    let p = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [1., 1., 0.01], [0.5, 0.5, 1.0]];
     let open = world(triangles(&p, &[[0, 1, 2]]));
     assert_eq!((open.edges[0], open.neighbors[0]), ([Always; 3], [u32::MAX; 3]));
     assert_eq!(open.opposite_normal(0, 1), None);
@@ -125,21 +109,11 @@ fn open_branched_and_contradicting_edges_are_seen_from_everywhere() {
     assert_eq!(count(&three, Always), 9);
     assert!(three.neighbors.iter().flatten().all(|&n| n == u32::MAX));
     // A face folded back onto its neighbour is a crease, though in one plane.
-    let folded = world(triangles(
-        &[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0.1, 0.2, 0.]],
-        &[[0, 1, 2], [2, 1, 3]],
-    ));
+    let folded = world(triangles(&[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0.1, 0.2, 0.]], &[[0, 1, 2], [2, 1, 3]]));
     assert_eq!(folded.edges[0][1], Always);
     // -0 and +0 are one place.
     let zeros = triangles(
-        &[
-            [0., 0., 0.],
-            [1., 0., 0.],
-            [0., 1., 0.],
-            [-0., 1., 0.],
-            [1., -0., -0.],
-            [1., 1., 0.],
-        ],
+        &[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [-0., 1., 0.], [1., -0., -0.], [1., 1., 0.]],
         &[[0, 1, 2], [3, 4, 5]],
     );
     assert_eq!(world(zeros).edges[0][1], Never);
@@ -150,16 +124,9 @@ fn the_crease_angle_is_twenty_degrees() {
     let hinge = |degrees: f32| {
         let (s, c) = degrees.to_radians().sin_cos();
         let far = [-c, 0.0, s];
-        world(triangles(
-            &[[0., 0., 0.], [0., 1., 0.], [1., 0., 0.], far],
-            &[[1, 0, 2], [0, 1, 3]],
-        ))
-        .edges[0][0]
+        world(triangles(&[[0., 0., 0.], [0., 1., 0.], [1., 0., 0.], far], &[[1, 0, 2], [0, 1, 3]])).edges[0][0]
     };
-    assert_eq!(
-        (hinge(0.0), hinge(1.0), hinge(19.9), hinge(20.1)),
-        (Never, Silhouette, Silhouette, Always)
-    );
+    assert_eq!((hinge(0.0), hinge(1.0), hinge(19.9), hinge(20.1)), (Never, Silhouette, Silhouette, Always));
     assert_eq!((hinge(-1.0), hinge(-21.0), hinge(170.0)), (Silhouette, Always, Always));
 }
 
@@ -191,9 +158,7 @@ fn neighbors_agree_with_brute_force_on_random_soup() {
         });
         let data = MeshData {
             positions: positions.collect(),
-            triangles: (0..20)
-                .map(|t| [0, 1, 2].map(|k| (random(3 * t + k) % 24) as u32))
-                .collect(),
+            triangles: (0..20).map(|t| [0, 1, 2].map(|k| (random(3 * t + k) % 24) as u32)).collect(),
             ..MeshData::default()
         };
         let mesh = world(data);
@@ -257,10 +222,7 @@ fn given_normals_say_which_side_is_outside() {
         let mesh = Mesh::new(data, &m, flip).expect("a triangle");
         assert_eq!(mesh.normals.is_empty(), face_normals);
         let n = mesh.face_normal(0);
-        assert!(
-            mesh.normals.iter().all(|v| v.dot(n) > 0.999),
-            "both normals are on one side"
-        );
+        assert!(mesh.normals.iter().all(|v| v.dot(n) > 0.999), "both normals are on one side");
         n.z > 0.0
     };
     for flip in [false, true] {
@@ -283,12 +245,7 @@ fn given_normals_say_which_side_is_outside() {
 
 #[test]
 fn creases_split_normals_and_vertices_but_not_the_surface() {
-    let split = |degrees: f32, data: MeshData| {
-        world(MeshData {
-            max_smooth_angle: Some(degrees.to_radians()),
-            ..data
-        })
-    };
+    let split = |degrees: f32, data: MeshData| world(MeshData { max_smooth_angle: Some(degrees.to_radians()), ..data });
     // A cube stays a cube below 90 degrees and becomes round at 90.
     let facets = split(80.0, cube());
     let round = split(90.0, cube());
@@ -305,29 +262,19 @@ fn creases_split_normals_and_vertices_but_not_the_surface() {
     let mut prism = MeshData::default();
     for i in 0..12 {
         let a = i as f32 / 12.0 * std::f32::consts::TAU;
-        prism
-            .positions
-            .extend([Vec3::new(a.cos(), a.sin(), 0.0), Vec3::new(a.cos(), a.sin(), 1.0)]);
+        prism.positions.extend([Vec3::new(a.cos(), a.sin(), 0.0), Vec3::new(a.cos(), a.sin(), 1.0)]);
         let (a, b) = (2 * i, 2 * ((i + 1) % 12));
         prism.triangles.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
         prism.triangles.extend([[24, b, a], [25, a + 1, b + 1]]);
     }
     prism.positions.extend([Vec3::ZERO, Vec3::Z]);
     let mesh = split(30.0, prism.clone());
-    assert_eq!(
-        mesh.positions.len(),
-        24 * 2 + 2,
-        "each rim vertex once for the side and once for its cap"
-    );
+    assert_eq!(mesh.positions.len(), 24 * 2 + 2, "each rim vertex once for the side and once for its cap");
     for (t, tri) in mesh.triangles.iter().enumerate() {
         for &i in tri {
             let (p, n) = (mesh.positions[i as usize], mesh.normals[i as usize]);
             let cap = mesh.face_normal(t as u32).z.abs() > 0.5;
-            let want = if cap {
-                mesh.face_normal(t as u32)
-            } else {
-                Vec3::new(p.x, p.y, 0.0)
-            };
+            let want = if cap { mesh.face_normal(t as u32) } else { Vec3::new(p.x, p.y, 0.0) };
             assert!((n - want).length() < 1e-5, "{n} {want}");
         }
     }
@@ -339,10 +286,7 @@ fn creases_split_normals_and_vertices_but_not_the_surface() {
     assert_eq!(seam.uvs.len(), seam.positions.len());
     // Nonsense angles are no panic.
     for angle in [f32::NAN, f32::INFINITY, -1.0] {
-        let data = MeshData {
-            max_smooth_angle: Some(angle),
-            ..cube()
-        };
+        let data = MeshData { max_smooth_angle: Some(angle), ..cube() };
         assert_eq!(world(data).triangles.len(), 12);
     }
 }
@@ -350,14 +294,7 @@ fn creases_split_normals_and_vertices_but_not_the_surface() {
 #[test]
 fn bad_triangles_are_dropped_and_bad_meshes_refused() {
     let nan = f32::NAN;
-    let p = [
-        [0., 0., 0.],
-        [1., 0., 0.],
-        [0., 1., 0.],
-        [nan, 0., 0.],
-        [2., 0., 0.],
-        [1., 0., 0.],
-    ];
+    let p = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [nan, 0., 0.], [2., 0., 0.], [1., 0., 0.]];
     let mesh = world(triangles(&p, &[[0, 1, 3], [0, 1, 4], [0, 1, 2], [1, 1, 2], [0, 1, 5]]));
     assert_eq!(mesh.triangles, [[0, 1, 2]]);
     assert_eq!(mesh.bounds(), (Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0)));
@@ -377,10 +314,7 @@ fn bad_triangles_are_dropped_and_bad_meshes_refused() {
     odd.normals = vec![Vec3::NAN, Vec3::ZERO, Vec3::Z, Vec3::Z, Vec3::Z, Vec3::Z];
     odd.uvs = vec![Vec2::NAN; 6];
     let mesh = world(odd);
-    assert_eq!(
-        (mesh.normals[0], mesh.normals[1], mesh.normals[2]),
-        (Vec3::ZERO, Vec3::ZERO, Vec3::Z)
-    );
+    assert_eq!((mesh.normals[0], mesh.normals[1], mesh.normals[2]), (Vec3::ZERO, Vec3::ZERO, Vec3::Z));
     assert!(mesh.uvs.iter().all(|t| *t == Vec2::ZERO));
 }
 
@@ -392,17 +326,11 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
     }
     data.max_smooth_angle = Some(0.2);
     let build = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .expect("a pool");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| world(data.clone()))
     };
     let (one, many) = (build(1), build(7));
     assert_eq!(one.positions, many.positions);
     assert_eq!(one.normals, many.normals);
-    assert_eq!(
-        (one.triangles, one.edges, one.neighbors),
-        (many.triangles, many.edges, many.neighbors)
-    );
+    assert_eq!((one.triangles, one.edges, one.neighbors), (many.triangles, many.edges, many.neighbors));
 }

@@ -139,18 +139,12 @@ fn ten_thousand_mutations() {
         }
     }
     println!("{good} of the mutations load, {bad} do not");
-    assert!(
-        good > 500 && bad > 500,
-        "mutations that all load or all fail test little: {good}, {bad}"
-    );
+    assert!(good > 500 && bad > 500, "mutations that all load or all fail test little: {good}, {bad}");
 }
 
 /// What must hold for every description: finite numbers, indices in range.
 fn check(d: &Description, text: &str) {
-    assert!(
-        d.camera.to_world.is_finite() && d.camera.near_clip.is_finite(),
-        "{text}"
-    );
+    assert!(d.camera.to_world.is_finite() && d.camera.near_clip.is_finite(), "{text}");
     assert!(u64::from(d.film.width) * u64::from(d.film.height) <= 1 << 30);
     assert!(d.film.crop[0] + d.film.crop[2] <= d.film.width);
     for shape in &d.shapes {

@@ -16,10 +16,7 @@ fn unknown_property_message_is_exact() {
         "test.xml:4:13: warning: unknown property \"relfectance\" of bsdf type \"diffuse\"; did you mean \
          \"reflectance\"?\n    4 | <rgb name=\"relfectance\" value=\"1\"/></bsdf></shape>\n      |            ^^^^^^^^^^^"
     );
-    let strict = LoadOptions {
-        strict: true,
-        ..LoadOptions::default()
-    };
+    let strict = LoadOptions { strict: true, ..LoadOptions::default() };
     assert_eq!(read_with(&text, &strict).unwrap_err().0.len(), 1);
 }
 
@@ -29,20 +26,14 @@ fn several_errors_are_collected() {
         "<shape type=\"sphere\"><float name=\"radius\" value=\"x\"/></shape>\n<ref id=\"nowhere\"/>\n<integer name=\"n\" value=\"1.5\"/>",
     ));
     assert_eq!(found.len(), 3, "{found:?}");
-    assert!(
-        found[0].starts_with("test.xml:3:") && found[1].starts_with("test.xml:5:"),
-        "{found:?}"
-    );
+    assert!(found[0].starts_with("test.xml:3:") && found[1].starts_with("test.xml:5:"), "{found:?}");
 }
 
 #[test]
 fn parameters() {
     let film = |define: &[(&str, &str)], text: &str| {
         let defines = define.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
-        read_with(
-            &format!("<scene version=\"3.0.0\">{text}</scene>"),
-            &LoadOptions { strict: true, defines },
-        )
+        read_with(&format!("<scene version=\"3.0.0\">{text}</scene>"), &LoadOptions { strict: true, defines })
     };
     let text = "<default name=\"res\" value=\"32\"/><default name=\"resx\" value=\"${res}\"/>";
     assert!(film(&[], text).is_err(), "braces are no part of the language");
@@ -55,14 +46,9 @@ fn parameters() {
     let d = film(&[("res", "9")], text).unwrap().description;
     assert_eq!((d.film.width, d.film.height), (64, 9));
     let unused = film(&[("rez", "9")], text).unwrap_err().to_string();
-    assert!(
-        unused.contains("\"rez\"") && unused.contains("did you mean \"res\"?"),
-        "{unused}"
-    );
+    assert!(unused.contains("\"rez\"") && unused.contains("did you mean \"res\"?"), "{unused}");
     fails(&scene("<shape type=\"$kind\"/>"), "undefined parameter \"$kind\"");
-    let price = clean(&scene(
-        "<default name=\"a\" value=\"b\"/><shape type=\"sphere\" id=\"\\$a$a\"/>",
-    ));
+    let price = clean(&scene("<default name=\"a\" value=\"b\"/><shape type=\"sphere\" id=\"\\$a$a\"/>"));
     assert_eq!(price.shapes[0].name, "$ab");
 }
 
@@ -80,37 +66,21 @@ fn includes_find_files_beside_them_and_share_parameters() {
     let dir = tempfile::tempdir().unwrap();
     fs::create_dir(dir.path().join("sub")).unwrap();
     let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
-    write(
-        "sub/inner.xml",
-        "<scene version=\"3.0.0\"><float name=\"radius\" value=\"$r\"/></scene>",
-    );
+    write("sub/inner.xml", "<scene version=\"3.0.0\"><float name=\"radius\" value=\"$r\"/></scene>");
     write(
         "sub/parts.xml",
         "<scene version=\"3.0.0\"><default name=\"r\" value=\"2\"/><shape type=\"sphere\"><include filename=\"inner.xml\"/></shape></scene>",
     );
-    write(
-        "main.xml",
-        &scene("<default name=\"r\" value=\"3\"/><include filename=\"sub/parts.xml\"/>"),
-    );
+    write("main.xml", &scene("<default name=\"r\" value=\"3\"/><include filename=\"sub/parts.xml\"/>"));
     let loaded = crate::formats::load(&dir.path().join("main.xml"), &LoadOptions::default()).unwrap();
     assert!(matches!(loaded.description.shapes[0].geometry, GeometryDesc::Sphere { radius, .. } if radius == 3.0));
     write("self.xml", &scene("<include filename=\"self.xml\"/>"));
-    let error = crate::formats::load(&dir.path().join("self.xml"), &LoadOptions::default())
-        .unwrap_err()
-        .to_string();
+    let error = crate::formats::load(&dir.path().join("self.xml"), &LoadOptions::default()).unwrap_err().to_string();
     assert!(error.contains("includes itself"), "{error}");
     // An included file's mistakes carry its own name.
-    write(
-        "sub/inner.xml",
-        "<scene version=\"3.0.0\">\n <float name=\"radius\" value=\"big\"/></scene>",
-    );
-    let error = crate::formats::load(&dir.path().join("main.xml"), &LoadOptions::default())
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains("inner.xml:2:30: error: expected a number, got \"big\""),
-        "{error}"
-    );
+    write("sub/inner.xml", "<scene version=\"3.0.0\">\n <float name=\"radius\" value=\"big\"/></scene>");
+    let error = crate::formats::load(&dir.path().join("main.xml"), &LoadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("inner.xml:2:30: error: expected a number, got \"big\""), "{error}");
 }
 
 #[test]
@@ -124,22 +94,15 @@ fn files_are_found_by_path_and_in_any_case() {
         )
     };
     let try_load = |text: &str| super::super::load_text(&dir.path().join("main.xml"), text, &LoadOptions::default());
-    assert!(
-        try_load(&scene(&bsdf("Textures/DarkOak.spd")))
-            .unwrap()
-            .warnings
-            .is_empty()
-    );
+    assert!(try_load(&scene(&bsdf("Textures/DarkOak.spd"))).unwrap().warnings.is_empty());
     let with_path = format!("<path value=\"Textures\"/>{}", bsdf("DarkOak.spd"));
     assert!(try_load(&scene(&with_path)).unwrap().warnings.is_empty());
     let wrong_case = try_load(&scene(&bsdf("textures\\darkoak.SPD"))).unwrap();
     assert!(wrong_case.warnings[0].message.contains("there is no file"));
     let missing = try_load(&scene(&bsdf("pine.spd"))).unwrap_err();
     assert!(missing.0[0].message.contains("\"pine.spd\" not found"));
-    let mesh = try_load(&scene(
-        "<shape type=\"ply\">\n<string name=\"filename\" value=\"a.ply\"/></shape>",
-    ))
-    .unwrap_err();
+    let mesh =
+        try_load(&scene("<shape type=\"ply\">\n<string name=\"filename\" value=\"a.ply\"/></shape>")).unwrap_err();
     assert_eq!((mesh.0[0].line, mesh.0[0].column), (4, 32));
 }
 
@@ -154,14 +117,8 @@ fn references_forward_alias_cycle() {
         &scene("<bsdf type=\"null\" id=\"glas\"/><shape type=\"sphere\"><ref id=\"glass\"/></shape>"),
         "no object with the id \"glass\"; did you mean \"glas\"?",
     );
-    fails(
-        &scene("<alias id=\"a\" as=\"b\"/><alias id=\"b\" as=\"a\"/>"),
-        "no object",
-    );
-    fails(
-        &scene("<bsdf type=\"null\" id=\"a\"/><bsdf type=\"null\" id=\"a\"/>"),
-        "used twice",
-    );
+    fails(&scene("<alias id=\"a\" as=\"b\"/><alias id=\"b\" as=\"a\"/>"), "no object");
+    fails(&scene("<bsdf type=\"null\" id=\"a\"/><bsdf type=\"null\" id=\"a\"/>"), "used twice");
     let cycle = "<bsdf type=\"mask\" id=\"a\"><ref id=\"b\"/></bsdf><bsdf type=\"mask\" id=\"b\"><ref id=\"a\"/></bsdf>
         <shape type=\"sphere\"><ref id=\"a\"/></shape>";
     fails(&scene(cycle), "contains itself");
@@ -172,10 +129,8 @@ fn references_forward_alias_cycle() {
 #[test]
 fn transforms_apply_in_the_order_written() {
     let world = |content: &str| {
-        clean(&scene(&format!(
-            "<shape type=\"cube\"><transform name=\"to_world\">{content}</transform></shape>"
-        )))
-        .shapes[0]
+        clean(&scene(&format!("<shape type=\"cube\"><transform name=\"to_world\">{content}</transform></shape>")))
+            .shapes[0]
             .to_world
     };
     let m = world("<translate x=\"1\"/><scale value=\"2\"/><rotate z=\"1\" angle=\"90\"/>");
@@ -186,9 +141,7 @@ fn transforms_apply_in_the_order_written() {
     assert_eq!(m.transform_point3(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(2.0, 3.0, 1.0));
     let bad = |content: &str, part: &str| {
         fails(
-            &scene(&format!(
-                "<shape type=\"cube\"><transform name=\"to_world\">{content}</transform></shape>"
-            )),
+            &scene(&format!("<shape type=\"cube\"><transform name=\"to_world\">{content}</transform></shape>")),
             part,
         );
     };
@@ -228,10 +181,7 @@ fn look_at_x_points_left() {
 fn odd_documents() {
     fails("", "XML");
     fails("<scene", "XML");
-    fails(
-        "<!DOCTYPE a [<!ENTITY x 'y'>]><scene version=\"3.0.0\">&x;</scene>",
-        "XML",
-    );
+    fails("<!DOCTYPE a [<!ENTITY x 'y'>]><scene version=\"3.0.0\">&x;</scene>", "XML");
     fails("<bsdf type=\"diffuse\"/>", "expected <scene>");
     fails("<scene version=\"3.0.0\"/>", "no sensor");
     fails("<scene version=\"0.3.0\"/>", "0.3 and older");
@@ -239,20 +189,10 @@ fn odd_documents() {
     let unversioned = warnings("<scene><sensor type=\"perspective\"/></scene>");
     assert!(unversioned[0].contains("no version"));
     let tags = warnings(&scene("<hide id=\"x\"/><shpe type=\"cube\"/>stray"));
-    assert!(
-        tags[0].contains("unknown tag <hide>") && tags[1].contains("did you mean \"shape\"?"),
-        "{tags:?}"
-    );
+    assert!(tags[0].contains("unknown tag <hide>") && tags[1].contains("did you mean \"shape\"?"), "{tags:?}");
     assert!(tags[2].contains("text outside"));
-    let nested = format!(
-        "{}{}",
-        "<shape type=\"cube\">".repeat(100_000),
-        "</shape>".repeat(100_000)
-    );
+    let nested = format!("{}{}", "<shape type=\"cube\">".repeat(100_000), "</shape>".repeat(100_000));
     fails(&scene(&nested), "nested");
     fails(&scene("<shape/>"), "needs the attribute \"type\"");
-    fails(
-        &scene("<shape type=\"cube\"><float value=\"1\"/></shape>"),
-        "needs the attribute \"name\"",
-    );
+    fails(&scene("<shape type=\"cube\"><float value=\"1\"/></shape>"), "needs the attribute \"name\"");
 }

@@ -39,57 +39,29 @@ fn photon_parameters() {
         <integer name=\"kNN\" value=\"10\"/><boolean name=\"dualBuffer\" value=\"false\"/></integrator>",
     ));
     let p = d.integrator.photon;
-    assert_eq!(
-        (p.photon_count, p.max_passes, p.step_snapshot, p.alpha),
-        (Some(100_000), None, Some(10), Some(0.6))
-    );
+    assert_eq!((p.photon_count, p.max_passes, p.step_snapshot, p.alpha), (Some(100_000), None, Some(10), Some(0.6)));
     let d = clean(&legacy(
         "<integrator type=\"photonmapper\"><integer name=\"globalPhotons\" value=\"5\"/><integer name=\"causticPhotons\" value=\"6\"/>
         <float name=\"globalLookupRadius\" value=\"0.1\"/><integer name=\"lookupSize\" value=\"70\"/><integer name=\"directSamples\" value=\"8\"/>
         <integer name=\"maxSpecularDepth\" value=\"3\"/><integer name=\"glossySamples\" value=\"3\"/></integrator>",
     ));
     let p = d.integrator.photon;
-    assert_eq!(
-        (p.photon_count, p.caustic_photons, p.global_lookup_radius),
-        (Some(5), Some(6), Some(0.1))
-    );
-    assert_eq!(
-        (p.lookup_size, p.direct_samples, p.max_specular_depth),
-        (Some(70), Some(8), Some(3))
-    );
-    fails(
-        &legacy("<integrator type=\"ppm\"><float name=\"alpha\" value=\"2\"/></integrator>"),
-        "alpha must lie",
-    );
+    assert_eq!((p.photon_count, p.caustic_photons, p.global_lookup_radius), (Some(5), Some(6), Some(0.1)));
+    assert_eq!((p.lookup_size, p.direct_samples, p.max_specular_depth), (Some(70), Some(8), Some(3)));
+    fails(&legacy("<integrator type=\"ppm\"><float name=\"alpha\" value=\"2\"/></integrator>"), "alpha must lie");
 }
 
 #[test]
 fn colours() {
     let diffuse = |value: &str| legacy_material(&format!("<bsdf type=\"diffuse\">{value}</bsdf>")).0;
-    let expect = |r: f32, g: f32, b: f32| Material::Diffuse {
-        reflectance: Color::Constant(Rgb::new(r, g, b)),
-    };
-    assert_eq!(
-        diffuse("<spectrum name=\"diffuseReflectance\" value=\"0.1, 0.2, 0.3\"/>"),
-        expect(0.1, 0.2, 0.3)
-    );
-    assert_eq!(
-        diffuse("<srgb name=\"reflectance\" value=\"#ff0000\"/>"),
-        expect(1.0, 0.0, 0.0)
-    );
-    assert_eq!(
-        diffuse("<srgb name=\"reflectance\" value=\"1 0 1\"/>"),
-        expect(1.0, 0.0, 1.0)
-    );
+    let expect = |r: f32, g: f32, b: f32| Material::Diffuse { reflectance: Color::Constant(Rgb::new(r, g, b)) };
+    assert_eq!(diffuse("<spectrum name=\"diffuseReflectance\" value=\"0.1, 0.2, 0.3\"/>"), expect(0.1, 0.2, 0.3));
+    assert_eq!(diffuse("<srgb name=\"reflectance\" value=\"#ff0000\"/>"), expect(1.0, 0.0, 0.0));
+    assert_eq!(diffuse("<srgb name=\"reflectance\" value=\"1 0 1\"/>"), expect(1.0, 0.0, 1.0));
     // Cornell box, red wall: Mitsuba 3.9.1 gives 0.49132 0.049228 0.0509219 for the full list; here four of it.
     let (wall, _) =
         legacy_material("<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"400:0.5, 700:0.5\"/></bsdf>");
-    let Material::Diffuse {
-        reflectance: Color::Constant(c),
-    } = wall
-    else {
-        panic!()
-    };
+    let Material::Diffuse { reflectance: Color::Constant(c) } = wall else { panic!() };
     assert!((c - Rgb::new(0.497671, 0.499878, 0.497455)).length() < 1e-3, "{c}");
 }
 
@@ -101,24 +73,14 @@ fn mixtures_keep_what_they_lose() {
     )));
     let d = loaded.description;
     assert!(loaded.warnings[0].message.contains("add up to 0.8"));
-    let Material::Blend {
-        weight: Scalar::Constant(w),
-        first,
-        second,
-        absorbed,
-    } = d.materials[d.shapes[0].material as usize]
+    let Material::Blend { weight: Scalar::Constant(w), first, second, absorbed } =
+        d.materials[d.shapes[0].material as usize]
     else {
         panic!()
     };
     assert!((w - 0.5).abs() < 1e-6 && (absorbed - 0.2).abs() < 1e-6);
     assert!(matches!(d.materials[second as usize], Material::Plastic { .. }));
-    let Material::Blend {
-        weight: Scalar::Constant(w),
-        first,
-        absorbed,
-        ..
-    } = d.materials[first as usize]
-    else {
+    let Material::Blend { weight: Scalar::Constant(w), first, absorbed, .. } = d.materials[first as usize] else {
         panic!()
     };
     assert!((w - 0.75).abs() < 1e-6 && absorbed == 0.0);
@@ -137,26 +99,13 @@ fn phong_is_a_sum_of_lobes() {
         "<shape type=\"cube\"><bsdf type=\"phong\"><float name=\"exponent\" value=\"48\"/><float name=\"specularReflectance\" value=\"0.1\"/><float name=\"diffuseReflectance\" value=\"0.3\"/></bsdf></shape>",
     ));
     let d = loaded.description;
-    let Material::Blend {
-        weight: Scalar::Constant(w),
-        first,
-        second,
-        ..
-    } = d.materials[d.shapes[0].material as usize]
+    let Material::Blend { weight: Scalar::Constant(w), first, second, .. } = d.materials[d.shapes[0].material as usize]
     else {
         panic!()
     };
-    let Material::Diffuse {
-        reflectance: Color::Constant(kd),
-    } = d.materials[first as usize]
-    else {
-        panic!()
-    };
-    let Material::RoughConductor {
-        specular_reflectance: Color::Constant(ks),
-        ref roughness,
-        ..
-    } = d.materials[second as usize]
+    let Material::Diffuse { reflectance: Color::Constant(kd) } = d.materials[first as usize] else { panic!() };
+    let Material::RoughConductor { specular_reflectance: Color::Constant(ks), ref roughness, .. } =
+        d.materials[second as usize]
     else {
         panic!()
     };
@@ -183,9 +132,7 @@ fn texture_offsets_come_before_scales() {
         "<shape type=\"cube\"><bsdf type=\"diffuse\"><texture type=\"checkerboard\" name=\"reflectance\"><float name=\"uoffset\" value=\"1\"/>
         <float name=\"uscale\" value=\"4\"/><float name=\"vscale\" value=\"2\"/></texture></bsdf></shape>",
     ));
-    let Texture::Checkerboard { to_uv, .. } = d.textures[0] else {
-        panic!()
-    };
+    let Texture::Checkerboard { to_uv, .. } = d.textures[0] else { panic!() };
     assert_eq!(to_uv.transform_point2(Vec2::new(0.5, 0.5)), Vec2::new(6.0, 1.0));
 }
 
@@ -195,8 +142,5 @@ fn doubled_names_count_last() {
         "<shape type=\"sphere\"><float name=\"radius\" value=\"1\"/><float name=\"radius\" value=\"2\"/></shape>",
     );
     assert!(warnings(&text)[0].contains("\"radius\" is given twice"));
-    fails(
-        "<scene version=\"0.5.0\"><camera type=\"perspective\"/></scene>",
-        "<camera> of version 0.3",
-    );
+    fails("<scene version=\"0.5.0\"><camera type=\"perspective\"/></scene>", "<camera> of version 0.3");
 }

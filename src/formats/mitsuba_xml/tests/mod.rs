@@ -32,11 +32,7 @@ fn load(text: &str) -> Loaded {
 /// Reads a text that has to be right and free of warnings.
 fn clean(text: &str) -> Description {
     let loaded = load(text);
-    assert!(
-        loaded.warnings.is_empty(),
-        "{:?}",
-        loaded.warnings.iter().map(|w| w.to_string()).collect::<Vec<_>>()
-    );
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings.iter().map(|w| w.to_string()).collect::<Vec<_>>());
     loaded.description
 }
 
@@ -44,11 +40,7 @@ fn clean(text: &str) -> Description {
 fn errors(text: &str) -> Vec<String> {
     match read_with(text, &LoadOptions::default()) {
         Ok(_) => panic!("no error in {text}"),
-        Err(errors) => errors
-            .0
-            .iter()
-            .map(|e| e.to_string().lines().next().unwrap_or("").to_owned())
-            .collect(),
+        Err(errors) => errors.0.iter().map(|e| e.to_string().lines().next().unwrap_or("").to_owned()).collect(),
     }
 }
 
@@ -60,11 +52,7 @@ fn fails(text: &str, part: &str) {
 
 /// The warnings of a text that has to be right, first lines only.
 fn warnings(text: &str) -> Vec<String> {
-    load(text)
-        .warnings
-        .iter()
-        .map(|w| w.to_string().lines().next().unwrap_or("").to_owned())
-        .collect()
+    load(text).warnings.iter().map(|w| w.to_string().lines().next().unwrap_or("").to_owned()).collect()
 }
 
 /// The material of the only shape, whose bsdf is given.

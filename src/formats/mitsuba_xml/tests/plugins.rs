@@ -23,19 +23,13 @@ fn x_fov(content: &str, size: (u32, u32)) -> f64 {
 #[test]
 fn field_of_view_axes() {
     let fov = |axis: &str, size| {
-        x_fov(
-            &format!("<float name=\"fov\" value=\"40\"/><string name=\"fov_axis\" value=\"{axis}\"/>"),
-            size,
-        )
+        x_fov(&format!("<float name=\"fov\" value=\"40\"/><string name=\"fov_axis\" value=\"{axis}\"/>"), size)
     };
     let wide = (800, 400);
     let tall = (400, 800);
     let from_y = |aspect: f64| 2.0 * ((20f64).to_radians().tan() * aspect).atan().to_degrees();
-    let diagonal = |aspect: f64| {
-        2.0 * ((20f64).to_radians().tan() / (1.0 + 1.0 / aspect / aspect).sqrt())
-            .atan()
-            .to_degrees()
-    };
+    let diagonal =
+        |aspect: f64| 2.0 * ((20f64).to_radians().tan() / (1.0 + 1.0 / aspect / aspect).sqrt()).atan().to_degrees();
     for (axis, on_wide, on_tall) in [
         ("x", 40.0, 40.0),
         ("y", from_y(2.0), from_y(0.5)),
@@ -66,18 +60,9 @@ fn sensor_rules() {
     // A mirrored camera is fine and stays mirrored.
     let d = clean(&moved("<scale x=\"-1\"/><rotate y=\"1\" angle=\"30\"/>"));
     assert!((d.camera.to_world.determinant() + 1.0).abs() < 1e-12);
-    fails(
-        &sensor("perspective", "<float name=\"fov\" value=\"180\"/>"),
-        "fov must lie between",
-    );
-    fails(
-        &sensor("perspective", "<float name=\"near_clip\" value=\"0\"/>"),
-        "near_clip must be above 0",
-    );
-    fails(
-        &sensor("perspective", "<float name=\"far_clip\" value=\"0.001\"/>"),
-        "far_clip must be above",
-    );
+    fails(&sensor("perspective", "<float name=\"fov\" value=\"180\"/>"), "fov must lie between");
+    fails(&sensor("perspective", "<float name=\"near_clip\" value=\"0\"/>"), "near_clip must be above 0");
+    fails(&sensor("perspective", "<float name=\"far_clip\" value=\"0.001\"/>"), "far_clip must be above");
     fails(&sensor("perspectve", ""), "did you mean \"perspective\"?");
     fails(&sensor("thinlens", ""), "aperture_radius");
     // Without a focus distance the far clip plane is in focus.
@@ -85,31 +70,12 @@ fn sensor_rules() {
         "thinlens",
         "<float name=\"aperture_radius\" value=\"0.1\"/><float name=\"far_clip\" value=\"77\"/>",
     ));
-    assert!(matches!(
-        d.camera.projection,
-        Projection::Perspective {
-            aperture_radius: 0.1,
-            focus_distance: 77.0,
-            ..
-        }
-    ));
-    let d = clean(&sensor(
-        "orthographic",
-        "<transform name=\"to_world\"><scale x=\"3\" y=\"3\"/></transform>",
-    ));
+    assert!(matches!(d.camera.projection, Projection::Perspective { aperture_radius: 0.1, focus_distance: 77.0, .. }));
+    let d = clean(&sensor("orthographic", "<transform name=\"to_world\"><scale x=\"3\" y=\"3\"/></transform>"));
     assert!(matches!(d.camera.projection, Projection::Orthographic));
     assert_eq!(d.camera.to_world, DMat4::from_scale(DVec3::new(3.0, 3.0, 1.0)));
-    let d = clean(&sensor(
-        "perspective",
-        "<float name=\"principal_point_offset_x\" value=\"0.25\"/>",
-    ));
-    assert!(matches!(
-        d.camera.projection,
-        Projection::Perspective {
-            principal_point_offset: [0.25, 0.0],
-            ..
-        }
-    ));
+    let d = clean(&sensor("perspective", "<float name=\"principal_point_offset_x\" value=\"0.25\"/>"));
+    assert!(matches!(d.camera.projection, Projection::Perspective { principal_point_offset: [0.25, 0.0], .. }));
     assert!(
         warnings("<scene version=\"3.0.0\"><sensor type=\"orthographic\"/><sensor type=\"perspective\"/></scene>")[0]
             .contains("several sensors")
@@ -124,20 +90,12 @@ fn film(content: &str) -> String {
 fn film_rules() {
     let d = clean(&sensor("perspective", ""));
     assert_eq!((d.film.width, d.film.height, d.film.crop), (768, 576, [0, 0, 768, 576]));
-    assert_eq!(
-        (d.film.filter, d.sample_count, d.seed),
-        (PixelFilter::Gaussian { stddev: 0.5 }, None, 0)
-    );
+    assert_eq!((d.film.filter, d.sample_count, d.seed), (PixelFilter::Gaussian { stddev: 0.5 }, None, 0));
     let int = |name: &str, value: i64| format!("<integer name=\"{name}\" value=\"{value}\"/>");
-    let d = clean(&film(
-        &(int("crop_offset_x", 8) + &int("crop_width", 700) + &int("crop_height", 1)),
-    ));
+    let d = clean(&film(&(int("crop_offset_x", 8) + &int("crop_width", 700) + &int("crop_height", 1))));
     assert_eq!(d.film.crop, [8, 0, 700, 1]);
     fails(&film(&int("crop_offset_x", 8)), "outside of the film");
-    fails(
-        &film(&(int("crop_offset_y", -1) + &int("crop_height", 5))),
-        "outside of the film",
-    );
+    fails(&film(&(int("crop_offset_y", -1) + &int("crop_height", 5))), "outside of the film");
     fails(&film(&int("crop_offset_x", i64::MAX)), "outside of the film");
     fails(&film(&int("width", 1_000_000_000)), "at most 65536");
     fails(&film(&(int("width", 65_536) + &int("height", 65_536))), "too many");
@@ -174,9 +132,7 @@ fn integrator_rules() {
 
 #[test]
 fn dielectric_names_and_sides() {
-    let Material::Dielectric { eta, .. } = material("<bsdf type=\"dielectric\"/>") else {
-        panic!()
-    };
+    let Material::Dielectric { eta, .. } = material("<bsdf type=\"dielectric\"/>") else { panic!() };
     assert!((eta - (1.5046 / 1.000_277) as f32).abs() < 1e-6);
     let Material::ThinDielectric { eta, .. } = material(
         "<bsdf type=\"thindielectric\"><string name=\"int_ior\" value=\"Water\"/><float name=\"ext_ior\" value=\"1\"/></bsdf>",
@@ -189,17 +145,12 @@ fn dielectric_names_and_sides() {
         &shape("<bsdf type=\"dielectric\"><string name=\"int_ior\" value=\"watre\"/></bsdf>"),
         "did you mean \"water\"?",
     );
-    fails(
-        &shape("<bsdf type=\"dielectric\"><float name=\"int_ior\" value=\"-1\"/></bsdf>"),
-        "above 0",
-    );
+    fails(&shape("<bsdf type=\"dielectric\"><float name=\"int_ior\" value=\"-1\"/></bsdf>"), "above 0");
 }
 
 #[test]
 fn conductors() {
-    let Material::Conductor { eta, k, .. } = material("<bsdf type=\"conductor\"/>") else {
-        panic!()
-    };
+    let Material::Conductor { eta, k, .. } = material("<bsdf type=\"conductor\"/>") else { panic!() };
     assert_eq!((eta, k), (Rgb::ZERO, Rgb::ONE));
     let Material::RoughConductor { eta, roughness, .. } = material(
         "<bsdf type=\"roughconductor\"><string name=\"material\" value=\"Au\"/><float name=\"alpha_u\" value=\"0.2\"/><float name=\"alpha_v\" value=\"0.3\"/></bsdf>",
@@ -211,15 +162,9 @@ fn conductors() {
         (roughness.distribution, roughness.alpha_u, roughness.alpha_v),
         (Distribution::Beckmann, Scalar::Constant(0.2), Scalar::Constant(0.3))
     );
-    let shape = |text: &str| {
-        scene(&format!(
-            "<shape type=\"sphere\"><bsdf type=\"roughconductor\">{text}</bsdf></shape>"
-        ))
-    };
-    fails(
-        &shape("<float name=\"alpha_u\" value=\"0.2\"/>"),
-        "alpha_u needs alpha_v",
-    );
+    let shape =
+        |text: &str| scene(&format!("<shape type=\"sphere\"><bsdf type=\"roughconductor\">{text}</bsdf></shape>"));
+    fails(&shape("<float name=\"alpha_u\" value=\"0.2\"/>"), "alpha_u needs alpha_v");
     fails(
         &shape(
             "<float name=\"alpha_u\" value=\"0.2\"/><float name=\"alpha_v\" value=\"0.2\"/><float name=\"alpha\" value=\"0.2\"/>",
@@ -227,22 +172,14 @@ fn conductors() {
         "not both",
     );
     fails(&shape("<float name=\"alpha\" value=\"-0.2\"/>"), "not be negative");
-    fails(
-        &shape("<string name=\"distribution\" value=\"gxg\"/>"),
-        "did you mean \"ggx\"?",
-    );
+    fails(&shape("<string name=\"distribution\" value=\"gxg\"/>"), "did you mean \"ggx\"?");
     fails(&shape("<rgb name=\"eta\" value=\"1\"/>"), "needs \"k\"");
-    fails(
-        &shape("<string name=\"material\" value=\"Unobtainium\"/>"),
-        "no optical constants",
-    );
+    fails(&shape("<string name=\"material\" value=\"Unobtainium\"/>"), "no optical constants");
 }
 
 #[test]
 fn nested_materials() {
-    let d = clean(&scene(
-        "<shape type=\"sphere\"><bsdf type=\"twosided\"><bsdf type=\"diffuse\"/></bsdf></shape>",
-    ));
+    let d = clean(&scene("<shape type=\"sphere\"><bsdf type=\"twosided\"><bsdf type=\"diffuse\"/></bsdf></shape>"));
     assert!(matches!(d.materials[d.shapes[0].material as usize], Material::TwoSided { front, back } if front == back));
     let shape = |text: &str| scene(&format!("<shape type=\"sphere\">{text}</shape>"));
     fails(
@@ -260,10 +197,7 @@ fn nested_materials() {
     );
     assert!(matches!(
         material("<bsdf type=\"mask\"><bsdf type=\"diffuse\"/></bsdf>"),
-        Material::Mask {
-            opacity: Scalar::Constant(0.5),
-            ..
-        }
+        Material::Mask { opacity: Scalar::Constant(0.5), .. }
     ));
     let bump = material(
         "<bsdf type=\"bumpmap\"><texture type=\"checkerboard\" name=\"anything\"/><float name=\"scale\" value=\"3\"/><bsdf type=\"diffuse\"/></bsdf>",
@@ -282,39 +216,22 @@ fn shapes_without_material_and_lamps() {
         "<shape type=\"cube\"/><shape type=\"disk\"><emitter type=\"area\"/></shape><shape type=\"disk\"/>",
     ));
     let albedo = |i: usize| d.materials[d.shapes[i].material as usize].clone();
-    let grey = |v: f32| Material::Diffuse {
-        reflectance: Color::Constant(Rgb::splat(v)),
-    };
+    let grey = |v: f32| Material::Diffuse { reflectance: Color::Constant(Rgb::splat(v)) };
     assert_eq!((albedo(0), albedo(1), d.materials.len()), (grey(0.5), grey(0.0), 2));
     assert_eq!(d.shapes[1].emission, Some(Color::Constant(Rgb::ONE)));
     assert_eq!(d.shapes[1].name, "shape 2 (disk)");
     let lamp = |text: &str| scene(&format!("<shape type=\"cube\">{text}</shape>"));
     fails(&lamp("<emitter type=\"point\"/>"), "cannot be nested in a shape");
-    fails(
-        &lamp("<emitter type=\"area\"><transform name=\"to_world\"/></emitter>"),
-        "no to_world of its own",
-    );
-    fails(
-        &lamp("<emitter type=\"area\"/><emitter type=\"area\"/>"),
-        "one emitter only",
-    );
+    fails(&lamp("<emitter type=\"area\"><transform name=\"to_world\"/></emitter>"), "no to_world of its own");
+    fails(&lamp("<emitter type=\"area\"/><emitter type=\"area\"/>"), "one emitter only");
     fails(&scene("<emitter type=\"area\"/>"), "belongs to a shape");
-    let textured = clean(&lamp(
-        "<emitter type=\"area\"><texture type=\"checkerboard\" name=\"radiance\"/></emitter>",
-    ));
+    let textured = clean(&lamp("<emitter type=\"area\"><texture type=\"checkerboard\" name=\"radiance\"/></emitter>"));
     assert!(matches!(textured.shapes[0].emission, Some(Color::Texture(_))));
     // A spectrum of one number is equal-energy white; a float is grey.
-    let d = clean(&lamp(
-        "<emitter type=\"area\"><spectrum name=\"radiance\" value=\"10\"/></emitter>",
-    ));
-    let Some(Color::Constant(c)) = d.shapes[0].emission else {
-        panic!()
-    };
+    let d = clean(&lamp("<emitter type=\"area\"><spectrum name=\"radiance\" value=\"10\"/></emitter>"));
+    let Some(Color::Constant(c)) = d.shapes[0].emission else { panic!() };
     assert!((c - Rgb::new(12.048, 9.483, 9.089)).length() < 0.01, "{c}");
-    assert_eq!(
-        material("<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"0.25\"/></bsdf>"),
-        grey(0.25)
-    );
+    assert_eq!(material("<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"0.25\"/></bsdf>"), grey(0.25));
 }
 
 #[test]
@@ -323,35 +240,19 @@ fn shape_rules() {
     let d = clean(&sphere("<float name=\"radius\" value=\"-2\"/>"));
     assert!(d.shapes[0].flip_normals && matches!(d.shapes[0].geometry, GeometryDesc::Sphere { radius: 2.0, .. }));
     fails(&sphere("<float name=\"radius\" value=\"0\"/>"), "must not be 0");
-    fails(
-        &sphere("<transform name=\"to_world\"><scale x=\"2\"/></transform>"),
-        "scaled unevenly",
-    );
+    fails(&sphere("<transform name=\"to_world\"><scale x=\"2\"/></transform>"), "scaled unevenly");
     let rods = clean(&scene("<shape type=\"cylinder\"/>"));
-    assert!(matches!(
-        rods.shapes[0].geometry,
-        GeometryDesc::Cylinder {
-            p0: DVec3::ZERO,
-            p1: DVec3::Z,
-            radius: 1.0
-        }
-    ));
+    assert!(matches!(rods.shapes[0].geometry, GeometryDesc::Cylinder { p0: DVec3::ZERO, p1: DVec3::Z, radius: 1.0 }));
     assert!(warnings(&scene("<shape type=\"recangle\"/>"))[0].contains("did you mean \"rectangle\"?"));
     let medium = "<shape type=\"cube\"><medium name=\"interior\" type=\"homogeneous\"><rgb name=\"albedo\" value=\"1\"/></medium></shape>";
     let found = warnings(&scene(&medium.repeat(3)));
-    assert!(
-        found.len() == 1 && found[0].contains("participating media"),
-        "{found:?}"
-    );
+    assert!(found.len() == 1 && found[0].contains("participating media"), "{found:?}");
     let d = clean(&scene(
         "<shape type=\"shapegroup\" id=\"g\"><shape type=\"cube\"><transform name=\"to_world\"><scale value=\"2\"/></transform></shape><shape type=\"disk\"/></shape>
         <shape type=\"instance\"><ref id=\"g\"/></shape><shape type=\"instance\"><ref id=\"g\"/><transform name=\"to_world\"><translate x=\"5\"/></transform></shape>",
     ));
     assert_eq!(d.shapes.len(), 4);
-    assert_eq!(
-        d.shapes[2].to_world.transform_point3(DVec3::X),
-        DVec3::new(7.0, 0.0, 0.0)
-    );
+    assert_eq!(d.shapes[2].to_world.transform_point3(DVec3::X), DVec3::new(7.0, 0.0, 0.0));
 }
 
 #[test]
@@ -368,14 +269,7 @@ fn lights() {
         &scene("<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"0\" z=\"0\"/></emitter>"),
         "direction of the light is zero",
     );
-    let LightDesc::Spot {
-        cutoff_angle,
-        beam_width,
-        ..
-    } = light("<emitter type=\"spot\"/>")
-    else {
-        panic!()
-    };
+    let LightDesc::Spot { cutoff_angle, beam_width, .. } = light("<emitter type=\"spot\"/>") else { panic!() };
     assert!((cutoff_angle.to_degrees() - 20.0).abs() < 1e-9 && (beam_width.to_degrees() - 15.0).abs() < 1e-9);
     let p = "<emitter type=\"point\"><transform name=\"to_world\"><translate y=\"3\"/></transform></emitter>";
     assert!(matches!(light(p), LightDesc::Point { position, .. } if position == DVec3::new(0.0, 3.0, 0.0)));

@@ -18,11 +18,7 @@ pub fn scene_files() -> Vec<PathBuf> {
     folders.extend(scenes.filter_map(Result::ok).map(|e| e.path()));
     for folder in folders {
         let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
-        files.extend(
-            entries
-                .map(|e| e.path())
-                .filter(|p| p.extension().is_some_and(|e| e == "xml")),
-        );
+        files.extend(entries.map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "xml")));
     }
     files.sort();
     files
@@ -81,31 +77,19 @@ fn legacy_cornell_box_agrees_with_mitsuba() {
     let d = loaded.description;
     let close = |c: Rgb, r: f32, g: f32, b: f32| {
         let expected = Rgb::new(r, g, b);
-        assert!(
-            ((c - expected) / expected).abs().max_element() < 5e-3,
-            "{c} is not {expected}"
-        );
+        assert!(((c - expected) / expected).abs().max_element() < 5e-3, "{c} is not {expected}");
     };
     let albedo = |shape: usize| match d.materials[d.shapes[shape].material as usize] {
-        Material::Diffuse {
-            reflectance: Color::Constant(c),
-        } => c,
+        Material::Diffuse { reflectance: Color::Constant(c) } => c,
         ref other => panic!("{other:?}"),
     };
     close(albedo(0), 0.776368, 0.779809, 0.776029);
     close(albedo(1), 0.735013, 0.735625, 0.736264);
     close(albedo(4), 0.0682821, 0.39776, 0.0862908);
     close(albedo(5), 0.49132, 0.049228, 0.0509219);
-    let Some(Color::Constant(radiance)) = d.shapes[0].emission else {
-        panic!()
-    };
+    let Some(Color::Constant(radiance)) = d.shapes[0].emission else { panic!() };
     close(radiance, 20.7108, 10.8546, 2.77115);
-    assert_eq!(
-        (d.camera.near_clip, d.camera.far_clip, d.integrator.max_depth),
-        (10.0, 2800.0, None)
-    );
-    let Projection::Perspective { x_fov, .. } = d.camera.projection else {
-        panic!()
-    };
+    assert_eq!((d.camera.near_clip, d.camera.far_clip, d.integrator.max_depth), (10.0, 2800.0, None));
+    let Projection::Perspective { x_fov, .. } = d.camera.projection else { panic!() };
     assert!((x_fov.to_degrees() - 39.3077).abs() < 1e-9);
 }

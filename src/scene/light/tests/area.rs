@@ -34,11 +34,7 @@ fn expected(shape: &Shape, p: Vec3, scale: impl Fn(&SurfacePoint) -> f64) -> Vec
 
 /// The lamp point that was sampled, as a ray would find it.
 fn found(shape: &Shape, p: Vec3, q: &crate::scene::light::area::LampPoint) -> SurfacePoint {
-    let hit = ShapeHit {
-        t: q.distance,
-        u: q.barycentric.x,
-        v: q.barycentric.y,
-    };
+    let hit = ShapeHit { t: q.distance, u: q.barycentric.x, v: q.barycentric.y };
     shape.surface_point(0, 0, p, q.wi, hit)
 }
 
@@ -77,11 +73,7 @@ fn all() -> Vec<(&'static str, Shape, Vec<Vec3>)> {
     ]);
     let stretch = DMat4::from_scale(DVec3::new(1.0, 0.4, 1.0));
     let tri = || triangles(&[[[-1.0, -1.0, 0.0], [2.0, -1.0, 0.0], [0.0, 1.5, 0.0]]], vec![]);
-    let cylinder = GeometryDesc::Cylinder {
-        p0: DVec3::ZERO,
-        p1: DVec3::Z,
-        radius: 0.5,
-    };
+    let cylinder = GeometryDesc::Cylinder { p0: DVec3::ZERO, p1: DVec3::Z, radius: 0.5 };
     let outside = vec![v(2.0, 0.5, 0.3), v(1.2, 0.0, 0.0), v(-30.0, 20.0, 5.0)];
     vec![
         ("rectangle", lamp(GeometryDesc::Rectangle, stretch, false, one), near.clone()),
@@ -127,10 +119,8 @@ fn floor(counts: &[f64]) -> Vec<f64> {
 fn a_wrong_density_is_rejected() {
     for (name, shape, points) in all() {
         let p = points[1];
-        let wrong: Vec<f64> = expected(&shape, p, |at| if at.uv.x < 0.5 { 1.1 } else { 0.9 })
-            .iter()
-            .map(|e| e * 20_000.0)
-            .collect();
+        let wrong: Vec<f64> =
+            expected(&shape, p, |at| if at.uv.x < 0.5 { 1.1 } else { 0.9 }).iter().map(|e| e * 20_000.0).collect();
         let chi = chi_square_p(&observed(&shape, p, 5, 20_000), &floor(&wrong), 5.0);
         assert!(chi < 1e-3, "{name}: p = {chi}");
     }
@@ -146,7 +136,12 @@ fn tiny_and_distant_lamps_keep_their_digits() {
             (lamp(GeometryDesc::Rectangle, DMat4::IDENTITY, false, Rgb::ONE), 4.0),
             (lamp(GeometryDesc::Disk, DMat4::IDENTITY, false, Rgb::ONE), PI),
             (
-                lamp(triangles(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], vec![]), DMat4::IDENTITY, false, Rgb::ONE),
+                lamp(
+                    triangles(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], vec![]),
+                    DMat4::IDENTITY,
+                    false,
+                    Rgb::ONE,
+                ),
                 0.5,
             ),
         ];
@@ -167,7 +162,8 @@ fn tiny_and_distant_lamps_keep_their_digits() {
 fn nothing_is_sampled_from_the_dark_side_or_in_the_plane() {
     let rectangle = lamp(GeometryDesc::Rectangle, DMat4::IDENTITY, false, Rgb::ONE);
     let disk = lamp(GeometryDesc::Disk, DMat4::IDENTITY, false, Rgb::ONE);
-    let triangle = lamp(triangles(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], vec![]), DMat4::IDENTITY, false, Rgb::ONE);
+    let triangle =
+        lamp(triangles(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], vec![]), DMat4::IDENTITY, false, Rgb::ONE);
     for shape in [&rectangle, &disk, &triangle] {
         for p in [[0.1, 0.2, -1.0], [0.1, 0.2, 0.0], [5.0, 0.0, 0.0], [0.1, 0.2, 1e-8]] {
             assert!(sample(shape, 0, Vec3::from(p), Vec2::new(0.3, 0.6)).is_none(), "{p:?}");
@@ -190,10 +186,7 @@ fn triangles_without_area_are_lamps_without_light() {
         edges: vec![],
         neighbors: vec![],
     };
-    let shape = Shape {
-        geometry: Geometry::Mesh(mesh),
-        ..lamp(GeometryDesc::Disk, DMat4::IDENTITY, false, Rgb::ONE)
-    };
+    let shape = Shape { geometry: Geometry::Mesh(mesh), ..lamp(GeometryDesc::Disk, DMat4::IDENTITY, false, Rgb::ONE) };
     let p = Vec3::new(0.1, 0.2, 1.0);
     for prim in 0..3 {
         assert_eq!(sample(&shape, prim, p, Vec2::splat(0.5)).is_some(), prim == 1);

@@ -34,23 +34,14 @@ fn spot_ramp_as_mitsuba() {
 fn spot_texture_as_mitsuba() {
     // 8 x 8 ramp: texel (x, y) holds (24 y + 3 x, + 1, + 2) / 192.
     let pixels = (0..64).map(|i| Rgb::new(0.0, 1.0, 2.0) / 192.0 + 3.0 * i as f32 / 192.0).collect();
-    let images = [Bitmap {
-        width: 8,
-        height: 8,
-        pixels,
-    }];
-    let textures = [Texture::Bitmap {
-        image: 0,
-        filter: TexFilter::Bilinear,
-        wrap: Wrap::Repeat,
-        to_uv: Default::default(),
-    }];
-    let textures = Textures {
-        textures: &textures,
-        images: &images,
-    };
+    let images = [Bitmap { width: 8, height: 8, pixels }];
+    let textures =
+        [Texture::Bitmap { image: 0, filter: TexFilter::Bilinear, wrap: Wrap::Repeat, to_uv: Default::default() }];
+    let textures = Textures { textures: &textures, images: &images };
     let light = DeltaLight::new(&spot(DMat4::IDENTITY, 40.0, 20.0, Some(0))).unwrap();
-    for (x, y, texel) in [(0.0f32, 0.0f32, 94.5), (0.3, 0.0, 98.7903), (0.0, 0.3, 128.8225), (-0.3, 0.0, 90.2097), (-0.2, 0.1, 103.0806)] {
+    for (x, y, texel) in
+        [(0.0f32, 0.0f32, 94.5), (0.3, 0.0, 98.7903), (0.0, 0.3, 128.8225), (-0.3, 0.0, 90.2097), (-0.2, 0.1, 103.0806)]
+    {
         let p = 2.0 * Vec3::new(x, y, 1.0);
         let a = light.arrival(textures, p).unwrap();
         let found = a.value * p.length_squared() / 5.0 * 192.0;
@@ -82,7 +73,8 @@ fn spot_power_is_the_integral_of_its_ramp() {
 
 #[test]
 fn transforms_turn_and_move_a_spot() {
-    let to_world = DMat4::from_translation(DVec3::new(1.0, 2.0, 3.0)) * DMat4::from_rotation_y(std::f64::consts::FRAC_PI_2);
+    let to_world =
+        DMat4::from_translation(DVec3::new(1.0, 2.0, 3.0)) * DMat4::from_rotation_y(std::f64::consts::FRAC_PI_2);
     let light = DeltaLight::new(&spot(to_world, 40.0, 20.0, None)).unwrap();
     let a = light.arrival(NO_TEXTURES, Vec3::new(3.0, 2.0, 3.0)).expect("+z of the light is +x of the world");
     assert!((a.value.x - 1.25).abs() < 1e-5);
@@ -92,14 +84,8 @@ fn transforms_turn_and_move_a_spot() {
 #[test]
 fn point_and_parallel_light_weigh_as_they_should() {
     let others = [
-        LightDesc::Point {
-            position: DVec3::new(0.0, 0.0, 2.0),
-            intensity: Rgb::new(1.0, 2.0, 3.0),
-        },
-        LightDesc::Directional {
-            direction: DVec3::new(0.0, 0.0, -7.0),
-            irradiance: Rgb::new(4.0, 5.0, 6.0),
-        },
+        LightDesc::Point { position: DVec3::new(0.0, 0.0, 2.0), intensity: Rgb::new(1.0, 2.0, 3.0) },
+        LightDesc::Directional { direction: DVec3::new(0.0, 0.0, -7.0), irradiance: Rgb::new(4.0, 5.0, 6.0) },
     ];
     for (k, light) in others.into_iter().enumerate() {
         let s = lights(&[], &[light]).sample(&[], NO_TEXTURES, Vec3::ZERO, 0.3, Vec2::splat(0.5)).unwrap();

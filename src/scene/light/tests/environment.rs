@@ -6,20 +6,12 @@ use crate::math::warp::sample_sphere;
 use std::f64::consts::PI;
 
 fn map(image: u32, scale: f32, to_world: DMat4) -> LightDesc {
-    LightDesc::EnvMap {
-        image,
-        scale: Rgb::splat(scale),
-        to_world,
-    }
+    LightDesc::EnvMap { image, scale: Rgb::splat(scale), to_world }
 }
 
 /// 4 x 3 texels (1,2,3), (4,5,6), ... row by row.
 fn ramp() -> Bitmap {
-    Bitmap {
-        width: 4,
-        height: 3,
-        pixels: (0..12).map(|i| Rgb::new(1.0, 2.0, 3.0) + 3.0 * i as f32).collect(),
-    }
+    Bitmap { width: 4, height: 3, pixels: (0..12).map(|i| Rgb::new(1.0, 2.0, 3.0) + 3.0 * i as f32).collect() }
 }
 
 /// 16 x 9 texels, most of them black, one of them a sun.
@@ -31,11 +23,7 @@ fn sparse() -> Bitmap {
         }
     }
     pixels[16 * 3 + 15] = Rgb::splat(60.0); // also across the seam
-    Bitmap {
-        width: 16,
-        height: 9,
-        pixels,
-    }
+    Bitmap { width: 16, height: 9, pixels }
 }
 
 fn environment(images: &[Bitmap], descs: &[LightDesc]) -> Lights {
@@ -114,7 +102,9 @@ fn directions_follow_the_density_which_integrates_to_one() {
             assert_eq!(s.distance, f32::INFINITY);
             observed[cell(s.wi)] += 1.0;
         }
-        let scaled = |f: &dyn Fn(usize) -> f64| (0..128).map(|i| (cells[i] / sum * f(i) * count as f64).max(1e-3)).collect::<Vec<f64>>();
+        let scaled = |f: &dyn Fn(usize) -> f64| {
+            (0..128).map(|i| (cells[i] / sum * f(i) * count as f64).max(1e-3)).collect::<Vec<f64>>()
+        };
         let p = chi_square_p(&observed, &scaled(&|_| 1.0), 5.0);
         assert!(p > 0.0025, "{k}: p = {p}");
         let wrong = chi_square_p(&observed, &scaled(&|i| if i % 2 == 0 { 1.15 } else { 0.85 }), 5.0);
@@ -167,11 +157,7 @@ fn power_and_sampled_integral_agree_with_plain_integration() {
 
 #[test]
 fn odd_maps_are_handled() {
-    let single = Bitmap {
-        width: 1,
-        height: 1,
-        pixels: vec![Rgb::splat(2.0)],
-    };
+    let single = Bitmap { width: 1, height: 1, pixels: vec![Rgb::splat(2.0)] };
     let images = [single, Bitmap::default()];
     let all = environment(&images, &[map(0, 1.0, DMat4::IDENTITY), map(1, 1.0, DMat4::IDENTITY)]);
     let t = textures(&images);

@@ -11,10 +11,7 @@ use crate::math::{DMat4, DVec3};
 use crate::scene::description::{GeometryDesc, ShapeDesc};
 use crate::scene::mesh::MeshData;
 
-pub(super) const NO_TEXTURES: Textures<'static> = Textures {
-    textures: &[],
-    images: &[],
-};
+pub(super) const NO_TEXTURES: Textures<'static> = Textures { textures: &[], images: &[] };
 
 /// Independent numbers (no sequence: p-values are to mean what they say).
 pub(super) fn random(seed: u64, i: u64, k: u64) -> f32 {
@@ -55,12 +52,7 @@ pub(super) fn triangles(corners: &[[[f32; 3]; 3]], normals: Vec<Vec3>) -> Geomet
 }
 
 pub(super) fn sphere(center: DVec3, radius: f64, flip: bool, radiance: f32) -> Shape {
-    lamp(
-        GeometryDesc::Sphere { center, radius },
-        DMat4::IDENTITY,
-        flip,
-        Rgb::splat(radiance),
-    )
+    lamp(GeometryDesc::Sphere { center, radius }, DMat4::IDENTITY, flip, Rgb::splat(radiance))
 }
 
 /// Lights of shapes and others, without textures, in a bounding sphere of radius 10.

@@ -13,20 +13,16 @@ fn scene() -> (Vec<Shape>, Vec<LightDesc>) {
         sphere(DVec3::new(-1.0, 2.0, 3.0), 0.4, false, 5.0),
         lamp(
             GeometryDesc::Disk,
-            DMat4::from_translation(DVec3::new(0.0, 0.0, 1.0)) * DMat4::from_rotation_x(PI) * DMat4::from_scale(DVec3::splat(0.3)),
+            DMat4::from_translation(DVec3::new(0.0, 0.0, 1.0))
+                * DMat4::from_rotation_x(PI)
+                * DMat4::from_scale(DVec3::splat(0.3)),
             false,
             Rgb::ONE,
         ),
     ];
     let others = vec![
-        LightDesc::Point {
-            position: DVec3::new(1.0, 1.0, 2.0),
-            intensity: Rgb::splat(2.5),
-        },
-        LightDesc::Directional {
-            direction: DVec3::new(0.3, 0.0, -2.0),
-            irradiance: Rgb::splat(0.4),
-        },
+        LightDesc::Point { position: DVec3::new(1.0, 1.0, 2.0), intensity: Rgb::splat(2.5) },
+        LightDesc::Directional { direction: DVec3::new(0.3, 0.0, -2.0), irradiance: Rgb::splat(0.4) },
         LightDesc::Constant { radiance: Rgb::splat(0.1) },
     ];
     (shapes, others)
@@ -87,7 +83,9 @@ fn each_lamp_alone_is_the_closed_form_too() {
     let v = DVec3::new;
     let rectangle = [v(-0.3, -0.4, 2.0), v(0.7, -0.4, 2.0), v(0.7, 0.6, 2.0), v(-0.3, 0.6, 2.0)];
     let low = [v(-3.0, 1.0, -1.0), v(-3.0, 1.0, 2.0), v(2.0, 1.0, 2.0), v(2.0, 1.0, -1.0)]; // crosses the horizon
-    let wall = DMat4::from_translation(v(-0.5, 1.0, 0.5)) * DMat4::from_rotation_x(PI / 2.0) * DMat4::from_scale(v(2.5, 1.5, 1.0));
+    let wall = DMat4::from_translation(v(-0.5, 1.0, 0.5))
+        * DMat4::from_rotation_x(PI / 2.0)
+        * DMat4::from_scale(v(2.5, 1.5, 1.0));
     let cases = [
         (ceiling(v(0.2, 0.1, 2.0), 0.5, 1.0), irradiance(&rectangle, DVec3::Z)),
         (lamp(GeometryDesc::Rectangle, wall, false, Rgb::ONE), irradiance(&low, DVec3::Z)),
@@ -152,7 +150,8 @@ fn infos_name_the_lights_and_their_power() {
     let (shapes, others) = scene();
     let all = lights(&shapes, &others);
     let kinds: Vec<&str> = all.infos.iter().map(|i| i.kind.as_str()).collect();
-    let expected = ["area (rectangle)", "area (mesh)", "area (sphere)", "area (disk)", "point", "directional", "constant"];
+    let expected =
+        ["area (rectangle)", "area (mesh)", "area (sphere)", "area (disk)", "point", "directional", "constant"];
     assert_eq!(kinds, expected);
     let power = |k: usize| all.infos[k].power.x as f64;
     let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
@@ -181,7 +180,8 @@ fn no_light_never_samples_and_dark_lamps_never_send() {
 
 #[test]
 fn weak_lamps_keep_the_floor_and_thousands_follow_their_power() {
-    let mut shapes: Vec<Shape> = (0..3000).map(|i| ceiling(DVec3::new(i as f64, 0.0, 2.0), 0.1, 1.0 + (i % 5) as f32)).collect();
+    let mut shapes: Vec<Shape> =
+        (0..3000).map(|i| ceiling(DVec3::new(i as f64, 0.0, 2.0), 0.1, 1.0 + (i % 5) as f32)).collect();
     shapes.push(ceiling(DVec3::new(0.0, 3.0, 2.0), 0.1, 1e-9));
     let all = lights(&shapes, &[]);
     let total: f64 = all.infos.iter().map(|i| i.power.x as f64).sum();

@@ -21,10 +21,7 @@ fn point_at(shape: &Shape, p: [f32; 3], prim: u32) -> SurfacePoint {
 }
 
 fn assert_near(got: Vec3, want: [f32; 3], what: &str) {
-    assert!(
-        (got - Vec3::from(want)).abs().max_element() < 2e-4,
-        "{what}: {got} instead of {want:?}"
-    );
+    assert!((got - Vec3::from(want)).abs().max_element() < 2e-4, "{what}: {got} instead of {want:?}");
 }
 
 /// One row measured with Mitsuba 3.9.1 (`scalar_rgb`, four decimals): position, shading normal, uv, dp/du, dp/dv.
@@ -47,32 +44,12 @@ fn points_agree_with_mitsuba_unmirrored() {
     let id = DMat4::IDENTITY;
     let up = [0.0, 0.0, 1.0];
     let rows: [(GeometryDesc, u32, Row); 6] = [
-        (
-            GeometryDesc::Rectangle,
-            0,
-            ([0.3, 0.2, 0.0], up, [0.65, 0.6], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
-        ),
-        (
-            GeometryDesc::Disk,
-            0,
-            (
-                [0.3, 0.2, 0.0],
-                up,
-                [0.3606, 0.0936],
-                [0.8321, 0.5547, 0.0],
-                [-1.2566, 1.885, 0.0],
-            ),
-        ),
+        (GeometryDesc::Rectangle, 0, ([0.3, 0.2, 0.0], up, [0.65, 0.6], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])),
+        (GeometryDesc::Disk, 0, ([0.3, 0.2, 0.0], up, [0.3606, 0.0936], [0.8321, 0.5547, 0.0], [-1.2566, 1.885, 0.0])),
         (
             cylinder(-0.5, 1.0),
             0,
-            (
-                [0.9798, 0.2, 0.3],
-                [0.9798, 0.2, 0.0],
-                [0.032, 0.5333],
-                [-1.2566, 6.1562, 0.0],
-                [0.0, 0.0, 1.5],
-            ),
+            ([0.9798, 0.2, 0.3], [0.9798, 0.2, 0.0], [0.032, 0.5333], [-1.2566, 6.1562, 0.0], [0.0, 0.0, 1.5]),
         ),
         (
             unit_sphere(),
@@ -85,22 +62,8 @@ fn points_agree_with_mitsuba_unmirrored() {
                 [2.4381, 1.6254, -1.1327],
             ),
         ),
-        (
-            GeometryDesc::Cube,
-            6,
-            ([0.3, 0.2, 1.0], up, [0.6, 0.65], [0.0, 2.0, 0.0], [2.0, 0.0, 0.0]),
-        ),
-        (
-            GeometryDesc::Cube,
-            4,
-            (
-                [1.0, 0.2, 0.3],
-                [1.0, 0.0, 0.0],
-                [0.6, 0.35],
-                [0.0, 2.0, 0.0],
-                [0.0, 0.0, -2.0],
-            ),
-        ),
+        (GeometryDesc::Cube, 6, ([0.3, 0.2, 1.0], up, [0.6, 0.65], [0.0, 2.0, 0.0], [2.0, 0.0, 0.0])),
+        (GeometryDesc::Cube, 4, ([1.0, 0.2, 0.3], [1.0, 0.0, 0.0], [0.6, 0.35], [0.0, 2.0, 0.0], [0.0, 0.0, -2.0])),
     ];
     for (geometry, prim, row) in rows {
         let name = format!("{geometry:?}");
@@ -115,32 +78,12 @@ fn mirrors_keep_the_side_except_of_spheres_as_in_mitsuba() {
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let up = [0.0, 0.0, 1.0];
     let rows: [(GeometryDesc, u32, Row); 6] = [
-        (
-            GeometryDesc::Rectangle,
-            0,
-            ([0.3, 0.2, 0.0], up, [0.35, 0.6], [-2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
-        ),
-        (
-            GeometryDesc::Disk,
-            0,
-            (
-                [0.3, 0.2, 0.0],
-                up,
-                [0.3606, 0.4064],
-                [0.8321, 0.5547, 0.0],
-                [1.2566, -1.885, 0.0],
-            ),
-        ),
+        (GeometryDesc::Rectangle, 0, ([0.3, 0.2, 0.0], up, [0.35, 0.6], [-2.0, 0.0, 0.0], [0.0, 2.0, 0.0])),
+        (GeometryDesc::Disk, 0, ([0.3, 0.2, 0.0], up, [0.3606, 0.4064], [0.8321, 0.5547, 0.0], [1.2566, -1.885, 0.0])),
         (
             cylinder(-0.5, 1.0),
             0,
-            (
-                [0.9798, 0.2, 0.3],
-                [0.9798, 0.2, 0.0],
-                [0.468, 0.5333],
-                [1.2566, -6.1562, 0.0],
-                [0.0, 0.0, 1.5],
-            ),
+            ([0.9798, 0.2, 0.3], [0.9798, 0.2, 0.0], [0.468, 0.5333], [1.2566, -6.1562, 0.0], [0.0, 0.0, 1.5]),
         ),
         (
             unit_sphere(),
@@ -153,23 +96,9 @@ fn mirrors_keep_the_side_except_of_spheres_as_in_mitsuba() {
                 [2.4381, 1.6254, -1.1327],
             ),
         ),
-        (
-            GeometryDesc::Cube,
-            6,
-            ([0.3, 0.2, 1.0], up, [0.6, 0.35], [0.0, 2.0, 0.0], [-2.0, 0.0, 0.0]),
-        ),
+        (GeometryDesc::Cube, 6, ([0.3, 0.2, 1.0], up, [0.6, 0.35], [0.0, 2.0, 0.0], [-2.0, 0.0, 0.0])),
         // The x = 1 face is the mirrored -x face.
-        (
-            GeometryDesc::Cube,
-            8,
-            (
-                [1.0, 0.2, 0.3],
-                [1.0, 0.0, 0.0],
-                [0.6, 0.65],
-                [0.0, 2.0, 0.0],
-                [0.0, 0.0, 2.0],
-            ),
-        ),
+        (GeometryDesc::Cube, 8, ([1.0, 0.2, 0.3], [1.0, 0.0, 0.0], [0.6, 0.65], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0])),
     ];
     for (geometry, prim, row) in rows {
         let name = format!("mirrored {geometry:?}");
@@ -193,13 +122,7 @@ fn rotated_and_stretched_points_agree_with_mitsuba() {
     check(
         &build(GeometryDesc::Disk, stretch, false),
         0,
-        (
-            [0.3, 0.2, 0.0],
-            up,
-            [0.1641, 0.0666],
-            [1.8276, 1.2184, 0.0],
-            [-0.8378, 2.8274, 0.0],
-        ),
+        ([0.3, 0.2, 0.0], up, [0.1641, 0.0666], [1.8276, 1.2184, 0.0], [-0.8378, 2.8274, 0.0]),
         "stretched disk",
     );
     let turn = DMat4::from_rotation_y(30f64.to_radians());
@@ -218,13 +141,7 @@ fn rotated_and_stretched_points_agree_with_mitsuba() {
     check(
         &build(cylinder(-0.5, 1.0), turn, false),
         0,
-        (
-            [1.3046, 0.2, 0.3],
-            [0.8485, 0.2, -0.4899],
-            [0.032, 0.9414],
-            [-1.0883, 6.1562, 0.6283],
-            [0.75, 0.0, 1.299],
-        ),
+        ([1.3046, 0.2, 0.3], [0.8485, 0.2, -0.4899], [0.032, 0.9414], [-1.0883, 6.1562, 0.6283], [0.75, 0.0, 1.299]),
         "turned cylinder",
     );
 }

@@ -10,14 +10,7 @@ use super::*;
 use crate::math::{DMat4, DVec3};
 
 fn describe(geometry: GeometryDesc, to_world: DMat4, flip_normals: bool) -> ShapeDesc {
-    ShapeDesc {
-        name: "test".into(),
-        geometry,
-        to_world,
-        flip_normals,
-        material: 0,
-        emission: None,
-    }
+    ShapeDesc { name: "test".into(), geometry, to_world, flip_normals, material: 0, emission: None }
 }
 
 fn build(geometry: GeometryDesc, to_world: DMat4, flip_normals: bool) -> Shape {
@@ -25,18 +18,11 @@ fn build(geometry: GeometryDesc, to_world: DMat4, flip_normals: bool) -> Shape {
 }
 
 fn unit_sphere() -> GeometryDesc {
-    GeometryDesc::Sphere {
-        center: DVec3::ZERO,
-        radius: 1.0,
-    }
+    GeometryDesc::Sphere { center: DVec3::ZERO, radius: 1.0 }
 }
 
 fn cylinder(z0: f64, z1: f64) -> GeometryDesc {
-    GeometryDesc::Cylinder {
-        p0: DVec3::new(0.0, 0.0, z0),
-        p1: DVec3::new(0.0, 0.0, z1),
-        radius: 1.0,
-    }
+    GeometryDesc::Cylinder { p0: DVec3::new(0.0, 0.0, z0), p1: DVec3::new(0.0, 0.0, z1), radius: 1.0 }
 }
 
 /// Every kind of shape, turned, at a scale and distance from the origin.
@@ -66,22 +52,8 @@ fn zoo(scale: f64, offset: f64) -> Vec<Shape> {
 fn bad_transforms_are_errors_with_a_text() {
     let scale = |x, y, z| DMat4::from_scale(DVec3::new(x, y, z));
     let shear = DMat4::from_cols_array(&[1., 0., 0., 0., 0.5, 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.]);
-    let all = || {
-        [
-            GeometryDesc::Rectangle,
-            GeometryDesc::Cube,
-            unit_sphere(),
-            GeometryDesc::Disk,
-            cylinder(0.0, 1.0),
-        ]
-    };
-    for m in [
-        DMat4::ZERO,
-        scale(0.0, 0.0, 0.0),
-        DMat4::NAN,
-        scale(1e30, 1e30, 1e30),
-        scale(f64::INFINITY, 1.0, 1.0),
-    ] {
+    let all = || [GeometryDesc::Rectangle, GeometryDesc::Cube, unit_sphere(), GeometryDesc::Disk, cylinder(0.0, 1.0)];
+    for m in [DMat4::ZERO, scale(0.0, 0.0, 0.0), DMat4::NAN, scale(1e30, 1e30, 1e30), scale(f64::INFINITY, 1.0, 1.0)] {
         for geometry in all() {
             let text = Shape::new(describe(geometry.clone(), m, false)).expect_err("degenerate");
             assert!(text.len() > 10, "{geometry:?} {text}");

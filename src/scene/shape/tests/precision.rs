@@ -34,15 +34,8 @@ fn error_bounds_hold_and_spawned_origins_leave_the_surface_at_every_scale() {
                 let s = shape.sample_area(0, prim, u).0;
                 let bound = s.n_geo.abs().dot(s.p_error) as f64;
                 let off = distance(&shape, prim, s.p).abs();
-                assert!(
-                    off <= bound,
-                    "{} at {scale}: off by {off:e}, bound {bound:e}",
-                    shape.name
-                );
-                assert!(
-                    bound <= 1e-5 * scale * (1.0 + offset),
-                    "bound {bound:e} at {scale}: too wide"
-                );
+                assert!(off <= bound, "{} at {scale}: off by {off:e}, bound {bound:e}", shape.name);
+                assert!(bound <= 1e-5 * scale * (1.0 + offset), "bound {bound:e} at {scale}: too wide");
                 assert!(s.n_geo.is_normalized() && s.n_shade.is_normalized());
                 let (lo, hi) = shape.bounds();
                 assert!((s.p - s.p_error).cmple(hi).all() && (s.p + s.p_error).cmpge(lo).all());
@@ -105,17 +98,10 @@ fn degenerate_uv_and_normals_fall_back_to_a_frame_and_the_face() {
     assert_eq!((s.uv, s.n_geo), (Vec2::splat(0.5), Vec3::Z));
     assert!((s.n_shade - Vec3::new(0.0, 0.15, 0.7).normalize()).length() < 1e-6);
     assert!(s.dp_du.is_normalized() && s.dp_du.cross(s.dp_dv).dot(s.n_shade) > 0.99);
-    assert_eq!(
-        at(&data, 0.0, 0.0).n_shade,
-        Vec3::Z,
-        "only the vertex without a normal counts here"
-    );
+    assert_eq!(at(&data, 0.0, 0.0).n_shade, Vec3::Z, "only the vertex without a normal counts here");
     data.uvs = vec![Vec2::new(0.0, 1.0), Vec2::new(0.0, 3.0), Vec2::new(4.0, 1.0)];
     let s = at(&data, 0.25, 0.5);
-    assert_eq!(
-        (s.uv, s.dp_du, s.dp_dv),
-        (Vec2::new(2.0, 1.5), Vec3::Y / 4.0, Vec3::X / 2.0)
-    );
+    assert_eq!((s.uv, s.dp_du, s.dp_dv), (Vec2::new(2.0, 1.5), Vec3::Y / 4.0, Vec3::X / 2.0));
     // Without uv: barycentrics.
     data.uvs.clear();
     let s = at(&data, 0.25, 0.5);

@@ -23,12 +23,7 @@ fn tangents_are_the_derivatives_of_the_position() {
                 }
                 let predicted = s.dp_du * duv.x + s.dp_dv * duv.y;
                 let error = (q.p - s.p - predicted).length();
-                assert!(
-                    error < 0.05 * (q.p - s.p).length() + 2e-5,
-                    "{error}: {} {}",
-                    q.p - s.p,
-                    predicted
-                );
+                assert!(error < 0.05 * (q.p - s.p).length() + 2e-5, "{error}: {} {}", q.p - s.p, predicted);
             }
         }
     }
@@ -67,10 +62,7 @@ fn area_samples_are_uniform_and_areas_are_right() {
             // Thin cells carry the lattice's error: 5e-3 of 20,000 is below the noise of the counts kept here.
             let expected = expected.map(|e| e / area * n as f64);
             let seen_right = seen.map(|s| s);
-            assert!(
-                chi_square_p(&seen_right, &expected, 20.0) > 1e-4,
-                "{seen:?} {expected:?}"
-            );
+            assert!(chi_square_p(&seen_right, &expected, 20.0) > 1e-4, "{seen:?} {expected:?}");
             // The companion: a twentieth of the samples moved to a neighbouring cell.
             let mut wrong = seen;
             let (from, to) = largest_two(&expected);
