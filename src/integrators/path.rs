@@ -12,7 +12,7 @@
 use super::{Counts, Integrator, World};
 use crate::accel::{Hit, Ray};
 use crate::image::film::Features;
-use crate::math::{Rgb, Sampler, Vec3};
+use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::shape::ShapeHit;
 use crate::scene::{Bsdf, LightSample, LobeKind, SurfacePoint, Transport};
@@ -121,9 +121,9 @@ impl<'a> Path<'a> {
         counts: &mut Counts,
     ) -> Rgb {
         let scene = self.world.scene;
-        let (u_light, u) = (rng.next_1d(), rng.next_2d());
+        let [ux, uy, u_light, _] = rng.next_4d();
         let Some(LightSample { wi, distance, weight, pdf_dir, .. }) =
-            scene.lights.sample(&scene.shapes, scene.textures(), at.p, u_light, u)
+            scene.lights.sample(&scene.shapes, scene.textures(), at.p, u_light, Vec2::new(ux, uy))
         else {
             return Rgb::ZERO;
         };
@@ -205,15 +205,13 @@ impl Integrator for Path<'_> {
                 break;
             }
 
-            rng.start_group();
             let last = self.settings.max_depth.is_some_and(|max| depth + 1 >= max);
             if !last && !bsdf.is_delta() {
                 radiance += throughput * self.direct(&at, &bsdf, wo, pass, rng, counts);
             }
 
-            rng.start_group();
-            let (u_lobe, u) = (rng.next_1d(), rng.next_2d());
-            let Some(scattered) = bsdf.sample(wo, u_lobe, u, Transport::Radiance) else { break };
+            let [ux, uy, u_lobe, u_roulette] = rng.next_4d();
+            let Some(scattered) = bsdf.sample(wo, u_lobe, Vec2::new(ux, uy), Transport::Radiance) else { break };
             throughput *= scattered.weight;
             eta *= scattered.eta;
             let o = at.spawn_origin(scattered.wi);
@@ -237,7 +235,7 @@ impl Integrator for Path<'_> {
             if depth >= self.settings.rr_depth {
                 let survival = (throughput.max_element() * eta * eta).min(MAX_SURVIVAL);
                 // Written so that a NaN ends the path.
-                if !(rng.next_1d() < survival) {
+                if !(u_roulette < survival) {
                     break;
                 }
                 throughput /= survival;
