@@ -11,8 +11,15 @@ mod rectangle;
 mod triangle;
 
 pub use irradiance::{irradiance, solid_angle};
-pub use rectangle::SphericalRectangle;
+pub use rectangle::{RectangleFrame, SphericalRectangle};
 pub use triangle::{SphericalTriangle, TrianglePoint};
+
+/// atan2 to single precision (relative, also near 0), for a fraction of the time that it takes in f64. What goes in
+/// must be f64: it is there that differences cancel.
+fn angle(y: f64, x: f64) -> f64 {
+    let scale = 1.0 / y.abs().max(x.abs()).max(f64::MIN_POSITIVE);
+    ((y * scale) as f32).atan2((x * scale) as f32) as f64
+}
 
 #[cfg(test)]
 mod tests;

@@ -6,10 +6,21 @@
 //! sin g_i is |z| times a corner's distance up to the factor that cos g_i has, so no digits are lost near
 //! 0 and pi, and one arc tangent of their product gives the solid angle g_0 + g_1 + g_2 + g_3 - 2 pi.
 
+use super::angle;
 use crate::math::DVec3;
 use std::f64::consts::TAU;
 
-/// A rectangle as seen from the origin, ready to be sampled.
+/// A rectangle in space with its local frame.
+#[derive(Clone, Copy, Debug)]
+pub struct RectangleFrame {
+    center: DVec3,
+    /// Unit vectors along the edges and their cross product.
+    axes: [DVec3; 3],
+    /// Half lengths of the edges.
+    half: [f64; 2],
+}
+
+/// A rectangle as seen from a point, ready to be sampled.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalRectangle {
     axes: [DVec3; 3],
@@ -18,7 +29,7 @@ pub struct SphericalRectangle {
     /// Distance of the plane, above or equal to 0; the rectangle lies at -z along `axes[2]`.
     z: f64,
     solid_angle: f64,
-    /// exp(i k), k = 2 pi - g_2 - g_3: the angle at which the sampling of x starts.
+    /// exp(i k), k = 2 pi - g_2 - g_3: the angle at which the sampling of x starts; not normalised.
     start: [f64; 2],
 }
 
@@ -33,31 +44,47 @@ fn solid_angle(x: [f64; 2], y: [f64; 2], z: f64) -> (f64, [f64; 2]) {
     let g01 = mul([x[1] * y[0], r(x[1], y[0])], [-x[1] * y[1], r(x[1], y[1])]);
     let g23 = mul([x[0] * y[1], r(x[0], y[1])], [-x[0] * y[0], r(x[0], y[0])]);
     let all = mul(g01, g23);
-    let s = all[1].atan2(all[0]);
+    let s = angle(all[1], all[0]);
     // The angle lies in [0, 2 pi); just below 0 is rounding, not nearly the whole hemisphere.
     (if s < -1e-12 { s + TAU } else { s.max(0.0) }, g23)
 }
 
-impl SphericalRectangle {
-    /// The rectangle center + x ex + y ey, x and y in [-1,1], relative to the origin; `ex` and `ey` must be orthogonal.
-    /// `None` if an edge has no length.
+impl RectangleFrame {
+    /// The rectangle center + x ex + y ey, x and y in [-1,1]; `ex` and `ey` must be orthogonal. `None` if an edge has no
+    /// length.
     pub fn new(center: DVec3, ex: DVec3, ey: DVec3) -> Option<Self> {
-        let (lx, ly) = (ex.length(), ey.length());
-        if !(lx > 0.0 && ly > 0.0 && lx.is_finite() && ly.is_finite()) {
-            return None;
-        }
-        let (ax, ay) = (ex / lx, ey / ly);
-        let mut az = ax.cross(ay);
-        let (cx, cy, mut z) = (center.dot(ax), center.dot(ay), -center.dot(az));
+        let half = [ex.length(), ey.length()];
+        let (ax, ay) = (ex / half[0], ey / half[1]);
+        (ax.is_finite() && ay.is_finite()).then_some(RectangleFrame {
+            center,
+            axes: [ax, ay, ax.cross(ay)],
+            half,
+        })
+    }
+
+    /// The rectangle seen from the point `p`.
+    pub fn seen_from(&self, p: DVec3) -> SphericalRectangle {
+        let [ax, ay, mut az] = self.axes;
+        let c = self.center - p;
+        let (cx, cy, mut z) = (c.dot(ax), c.dot(ay), -c.dot(az));
         if z < 0.0 {
             (az, z) = (-az, -z);
         }
-        let (x, y) = ([cx - lx, cx + lx], [cy - ly, cy + ly]);
+        let [hx, hy] = self.half;
+        let (x, y) = ([cx - hx, cx + hx], [cy - hy, cy + hy]);
         let (solid_angle, g23) = solid_angle(x, y, z);
-        let norm = (g23[0] * g23[0] + g23[1] * g23[1]).sqrt();
-        Some(SphericalRectangle { axes: [ax, ay, az], x, y, z, solid_angle, start: [g23[0] / norm, -g23[1] / norm] })
+        SphericalRectangle {
+            axes: [ax, ay, az],
+            x,
+            y,
+            z,
+            solid_angle,
+            start: [g23[0], -g23[1]],
+        }
     }
+}
 
+impl SphericalRectangle {
     /// Solid angle, in [0, 2 pi].
     pub fn solid_angle(&self) -> f64 {
         self.solid_angle
@@ -72,13 +99,15 @@ impl SphericalRectangle {
     pub fn sample(&self, u: [f64; 2]) -> DVec3 {
         let ([x0, x1], [y0, y1], z2) = (self.x, self.y, self.z * self.z);
         let (sin, cos) = (u[0] * self.solid_angle).sin_cos();
-        let a = mul(self.start, [cos, sin]);
-        // b0, b1: z components of the unit normals of the planes through the edges y = y0 and y = y1.
-        let (b0, b1) = (-y0 / (y0 * y0 + z2).sqrt(), y1 / (y1 * y1 + z2).sqrt());
-        let f = a[0] * b0 - b1;
-        // x = z c / sqrt(1 - c^2) with c = sign(f / sin a) / sqrt((f / sin a)^2 + b0^2); here 1 - b0^2 = z2 / (y0^2 + z2).
-        let under = f * f - a[1] * a[1] * (z2 / (y0 * y0 + z2));
-        let x = self.z * a[1] * 1f64.copysign(f) / under.max(f64::MIN_POSITIVE).sqrt();
+        // Angle a = start + u S; its cosine and sin are c / w and s / w.
+        let [c, s] = mul(self.start, [cos, sin]);
+        let w = (c * c + s * s).sqrt();
+        // Urena's b0 = -y0 / r0 and b1 = y1 / r1: f = (b0 cos a - b1) / sin a, and x = z q / sqrt(1 - q^2) with
+        // q = sign(f) / sqrt(f^2 + b0^2); everything times r0 r1 w.
+        let (r0, r1) = ((y0 * y0 + z2).sqrt(), (y1 * y1 + z2).sqrt());
+        let f = -(c * y0 * r1 + y1 * r0 * w);
+        let under = f * f - s * s * z2 * (r1 * r1);
+        let x = self.z * s * 1f64.copysign(f) * (r0 * r1) / under.max(f64::MIN_POSITIVE).sqrt();
         let x = x.clamp(x0, x1);
         // y: the height y / r on the unit sphere is uniform between those of the two edges.
         let d2 = x * x + z2;

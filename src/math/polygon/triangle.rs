@@ -9,6 +9,7 @@
 //! h = x a + y c: then  tan(s/2) = det(a,b,h) / (b.h + a.h), which is linear in x and y.  No arc cosine, and no
 //! difference of nearly equal angles, is left.
 
+use super::angle;
 use crate::math::DVec3;
 
 /// A triangle as seen from the origin, ready to be sampled.
@@ -31,10 +32,8 @@ pub struct SphericalTriangle {
 /// A sampled point of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct TrianglePoint {
-    /// Unit direction from the origin.
-    pub dir: DVec3,
-    /// Distance to the point.
-    pub distance: f64,
+    /// The point, relative to the origin.
+    pub position: DVec3,
     /// Barycentric coordinates of the three vertices; they sum to 1.
     pub barycentric: DVec3,
 }
@@ -47,8 +46,17 @@ impl SphericalTriangle {
         let det = a.dot((b - a).cross(c - a)).abs() * inv_len.x * inv_len.y * inv_len.z;
         let (a, b, c) = (a * inv_len.x, b * inv_len.y, c * inv_len.z);
         let (along, half) = (c.dot(a + b), 1.0 + a.dot(b));
-        let solid_angle = 2.0 * det.atan2(half + along);
-        det.is_finite().then_some(SphericalTriangle { a, b, c, inv_len, det, along, half, solid_angle })
+        let solid_angle = 2.0 * angle(det, half + along);
+        det.is_finite().then_some(SphericalTriangle {
+            a,
+            b,
+            c,
+            inv_len,
+            det,
+            along,
+            half,
+            solid_angle,
+        })
     }
 
     /// Solid angle, in [0, 2 pi].
@@ -78,7 +86,11 @@ impl SphericalTriangle {
         let s = (1.0 - u[1] * m - t * (1.0 - m)).max(0.0);
         let weights = DVec3::new(t * ca, s, t * cc) * self.inv_len;
         let scale = 1.0 / weights.element_sum();
-        TrianglePoint { dir: (self.b * s + end * t).normalize(), distance: scale, barycentric: weights * scale }
+        TrianglePoint {
+            // The sum of unit vectors is a unit vector, and the scale the distance.
+            position: (self.b * s + end * t) * scale,
+            barycentric: weights * scale,
+        }
     }
 
     /// The numbers that [`Self::sample`] turns into the unit direction `dir`, which must meet the triangle.
@@ -87,7 +99,7 @@ impl SphericalTriangle {
         let end = arc.normalize_or(self.c);
         let end = if end.dot(self.a + self.c) < 0.0 { -end } else { end };
         let part = self.a.dot((self.b - self.a).cross(end - self.a)).abs();
-        let part = 2.0 * part.atan2(self.half + end.dot(self.a + self.b));
+        let part = 2.0 * angle(part, self.half + end.dot(self.a + self.b));
         [
             (part / self.solid_angle).clamp(0.0, 1.0),
             ((dir - self.b).length_squared() / (end - self.b).length_squared()).clamp(0.0, 1.0),

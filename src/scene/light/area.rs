@@ -10,7 +10,7 @@
 //! is that of the same point sampled. A point in a lamp's own plane (to rounding) is not lit by it: nothing is sampled,
 //! and the density is 0. Bias: none beyond that. Not handled: choosing the visible part of a cylinder.
 
-use crate::math::polygon::{SphericalRectangle, SphericalTriangle};
+use crate::math::polygon::{RectangleFrame, SphericalRectangle, SphericalTriangle};
 use crate::math::warp::{sample_disk, sample_sphere, sample_triangle};
 use crate::math::{DVec3, Frame, Vec2, Vec3};
 use crate::scene::shape::{Cylinder, Geometry, Rectangle, Shape, Sphere};
@@ -24,6 +24,23 @@ const MIN_SOLID_ANGLE: f64 = 1e-6;
 /// A point lies in a lamp's plane if it is no further from it than this fraction of the coordinates (5 units in the
 /// last place of f32).
 const IN_PLANE: f64 = 3e-7;
+
+/// A lamp and what [`frame`] has prepared for it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lamp<'a> {
+    pub shape: &'a Shape,
+    pub frame: Option<&'a RectangleFrame>,
+}
+
+/// What can be prepared for sampling a lamp: the frame of a rectangle with orthogonal edges.
+pub(super) fn frame(shape: &Shape) -> Option<RectangleFrame> {
+    let Geometry::Rectangle(r) = &shape.geometry else {
+        return None;
+    };
+    let (x, y) = (r.ex.as_dvec3(), r.ey.as_dvec3());
+    let orthogonal = x.dot(y).abs() <= 1e-6 * x.length() * y.length();
+    orthogonal.then(|| RectangleFrame::new(r.center.as_dvec3(), x, y)).flatten()
+}
 
 /// A sampled point of a lamp.
 #[derive(Clone, Copy, Debug)]
@@ -41,11 +58,12 @@ pub(super) struct LampPoint {
 impl LampPoint {
     /// The point at `to` relative to the shaded point; `None` where the density is 0 or not finite.
     fn new(to: DVec3, pdf_dir: f64, barycentric: Vec2) -> Option<Self> {
+        let to = to.as_vec3();
         let distance = to.length();
         let pdf_dir = pdf_dir as f32;
         (pdf_dir > 0.0 && pdf_dir.is_finite() && distance > 0.0).then(|| LampPoint {
-            wi: (to / distance).as_vec3().normalize(),
-            distance: distance as f32,
+            wi: to / distance,
+            distance,
             pdf_dir,
             barycentric,
         })
@@ -54,14 +72,14 @@ impl LampPoint {
 
 /// Draws a point of primitive `prim` of `lamp` towards `p`. `None` if the lamp's emitting side cannot be seen from there (left to the
 /// interpolated normal for meshes that have one).
-pub(super) fn sample(lamp: &Shape, prim: u32, p: Vec3, u: Vec2) -> Option<LampPoint> {
-    let area = || lamp.primitive_area(prim) as f64;
-    match &lamp.geometry {
+pub(super) fn sample(lamp: Lamp, prim: u32, p: Vec3, u: Vec2) -> Option<LampPoint> {
+    let area = || lamp.shape.primitive_area(prim) as f64;
+    match &lamp.shape.geometry {
         Geometry::Mesh(m) => {
             let corners = m.triangles[prim as usize].map(|i| m.positions[i as usize]);
             sample_facet(corners, !m.normals.is_empty(), area, p, u)
         }
-        Geometry::Rectangle(r) => sample_rectangle(r, area, p, u),
+        Geometry::Rectangle(r) => sample_rectangle(r, lamp.frame, area, p, u),
         Geometry::Sphere(s) => sample_sphere_lamp(s, area(), p, u),
         Geometry::Disk(d) => {
             let height = front_height(d.center, d.n, d.ex.abs() + d.ey.abs(), p)?;
@@ -74,10 +92,10 @@ pub(super) fn sample(lamp: &Shape, prim: u32, p: Vec3, u: Vec2) -> Option<LampPo
 }
 
 /// Density with which [`sample`] at `p` draws the point `at` of primitive `prim`.
-pub(super) fn pdf_dir(lamp: &Shape, prim: u32, p: Vec3, at: &SurfacePoint) -> f32 {
+pub(super) fn pdf_dir(lamp: Lamp, prim: u32, p: Vec3, at: &SurfacePoint) -> f32 {
     let to = relative(at.p, p);
-    let area = || lamp.primitive_area(prim) as f64;
-    let pdf = match &lamp.geometry {
+    let area = || lamp.shape.primitive_area(prim) as f64;
+    let pdf = match &lamp.shape.geometry {
         Geometry::Mesh(m) => {
             let corners = m.triangles[prim as usize].map(|i| m.positions[i as usize]);
             let height = facet_height(corners, p).abs();
@@ -87,7 +105,7 @@ pub(super) fn pdf_dir(lamp: &Shape, prim: u32, p: Vec3, at: &SurfacePoint) -> f3
             }
         }
         Geometry::Rectangle(r) => match front_height(r.center, r.n, r.ex.abs() + r.ey.abs(), p) {
-            Some(height) => match SphericalLamp::new(r, p) {
+            Some(height) => match SphericalLamp::new(r, lamp.frame, p) {
                 Some(s) => 1.0 / s.solid_angle(),
                 None => planar_pdf(to, height, area()),
             },
@@ -127,7 +145,7 @@ fn curved_pdf(to: DVec3, n: DVec3, area: f64) -> f64 {
 /// Height of `p` above the plane through `center` with normal `n`; `None` if it is below or in the plane.
 /// `extent`: the lamp's size, which with the coordinates sets what rounding is.
 fn front_height(center: Vec3, n: Vec3, extent: Vec3, p: Vec3) -> Option<f64> {
-    let height = -relative(center, p).dot(n.as_dvec3().normalize());
+    let height = -relative(center, p).dot(n.as_dvec3());
     let scale = (p.abs().max(center.abs()) + extent).max_element() as f64;
     (height > IN_PLANE * scale).then_some(height)
 }
@@ -155,7 +173,7 @@ fn sample_facet(corners: [Vec3; 3], both_sides: bool, area: impl Fn() -> f64, p:
     if let Some(t) = spherical_triangle(corners, p) {
         let q = t.sample([u.x as f64, u.y as f64]);
         let barycentric = Vec2::new(q.barycentric.y as f32, q.barycentric.z as f32);
-        return LampPoint::new(q.dir * q.distance, t.pdf_dir(), barycentric);
+        return LampPoint::new(q.position, t.pdf_dir(), barycentric);
     }
     let [a, b, c] = corners;
     let q = sample_triangle(u);
@@ -171,11 +189,11 @@ enum SphericalLamp {
 
 impl SphericalLamp {
     /// `None` if it is too small for spherical sampling.
-    fn new(r: &Rectangle, p: Vec3) -> Option<Self> {
-        let (c, x, y) = (relative(r.center, p), r.ex.as_dvec3(), r.ey.as_dvec3());
-        let lamp = if x.dot(y).abs() <= 1e-6 * x.length() * y.length() {
-            SphericalLamp::Rectangle(SphericalRectangle::new(c, x, y)?)
+    fn new(r: &Rectangle, frame: Option<&RectangleFrame>, p: Vec3) -> Option<Self> {
+        let lamp = if let Some(frame) = frame {
+            SphericalLamp::Rectangle(frame.seen_from(p.as_dvec3()))
         } else {
+            let (c, x, y) = (relative(r.center, p), r.ex.as_dvec3(), r.ey.as_dvec3());
             let (a, b) = (c - x - y, c + x + y);
             SphericalLamp::Parallelogram([
                 SphericalTriangle::new(a, c + x - y, b)?,
@@ -203,15 +221,21 @@ impl SphericalLamp {
                 } else {
                     b.sample([(u[0] - first) / (1.0 - first), u[1]])
                 };
-                q.dir * q.distance
+                q.position
             }
         }
     }
 }
 
-fn sample_rectangle(r: &Rectangle, area: impl Fn() -> f64, p: Vec3, u: Vec2) -> Option<LampPoint> {
+fn sample_rectangle(
+    r: &Rectangle,
+    frame: Option<&RectangleFrame>,
+    area: impl Fn() -> f64,
+    p: Vec3,
+    u: Vec2,
+) -> Option<LampPoint> {
     let height = front_height(r.center, r.n, r.ex.abs() + r.ey.abs(), p)?;
-    if let Some(lamp) = SphericalLamp::new(r, p) {
+    if let Some(lamp) = SphericalLamp::new(r, frame, p) {
         let to = lamp.sample([u.x as f64, u.y as f64]);
         return LampPoint::new(to, 1.0 / lamp.solid_angle(), Vec2::ZERO);
     }

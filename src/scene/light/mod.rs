@@ -22,6 +22,7 @@ use super::shape::{Geometry, Shape, ShapeHit};
 use super::surface::SurfacePoint;
 use super::texture::{Bitmap, Color, Texture, Textures};
 use crate::math::distribution::AliasTable;
+use crate::math::polygon::RectangleFrame;
 use crate::math::sampler::hash;
 use crate::math::{Rgb, Vec2, Vec3};
 use delta::DeltaLight;
@@ -68,14 +69,15 @@ pub struct Lights {
     pub infos: Vec<LightInfo>,
     table: AliasTable,
     emitters: Vec<Emitter>,
-    /// Per shape: its first emitter, or [`NO_EMITTER`].
-    first_emitter: Vec<u32>,
+    /// Per shape: its first emitter and index into `frames`, or [`NONE`].
+    lamps: Vec<[u32; 2]>,
+    frames: Vec<RectangleFrame>,
     deltas: Vec<DeltaLight>,
     /// Lights at infinity, with their emitters.
     environments: Vec<(Environment, u32)>,
 }
 
-const NO_EMITTER: u32 = u32::MAX;
+const NONE: u32 = u32::MAX;
 
 /// One entry of the selection table; `light` is an index into [`Lights::infos`].
 #[derive(Clone, Copy, Debug)]
@@ -105,7 +107,8 @@ impl Lights {
             infos: Vec::new(),
             table: AliasTable::default(),
             emitters: Vec::new(),
-            first_emitter: vec![NO_EMITTER; shapes.len()],
+            lamps: vec![[NONE; 2]; shapes.len()],
+            frames: Vec::new(),
             deltas: Vec::new(),
             environments: Vec::new(),
         };
@@ -135,7 +138,11 @@ impl Lights {
         };
         let count = shape.primitive_count();
         let light = self.infos.len() as u32;
-        self.first_emitter[index as usize] = self.emitters.len() as u32;
+        let frame = area::frame(shape).map_or(NONE, |frame| {
+            self.frames.push(frame);
+            self.frames.len() as u32 - 1
+        });
+        self.lamps[index as usize] = [self.emitters.len() as u32, frame];
         let mut area = 0.0;
         for prim in 0..count {
             let a = shape.primitive_area(prim as u32) as f64;
@@ -168,6 +175,13 @@ impl Lights {
         self.infos.push(LightInfo { kind: kind.into(), name: String::new(), power, primitives: 1 });
     }
 
+    fn lamp<'a>(&'a self, shapes: &'a [Shape], shape: u32) -> area::Lamp<'a> {
+        area::Lamp {
+            shape: &shapes[shape as usize],
+            frame: self.frames.get(self.lamps[shape as usize][1] as usize),
+        }
+    }
+
     /// Whether there is no light at all.
     pub fn is_empty(&self) -> bool {
         self.emitters.is_empty()
@@ -187,7 +201,7 @@ impl Lights {
         match source {
             Source::Surface { shape, prim } => {
                 let lamp = &shapes[shape as usize];
-                let q = area::sample(lamp, prim, p, u)?;
+                let q = area::sample(self.lamp(shapes, shape), prim, p, u)?;
                 let radiance = lamp_radiance(lamp, textures, shape, prim, p, &q);
                 let pdf_dir = q.pdf_dir * pmf;
                 (radiance != Rgb::ZERO).then(|| LightSample {
@@ -227,12 +241,12 @@ impl Lights {
 
     /// Density per solid angle with which [`Self::sample`] at `p` draws the direction to the lamp point `at`.
     pub fn pdf_dir_surface(&self, shapes: &[Shape], p: Vec3, at: &SurfacePoint) -> f32 {
-        let first = self.first_emitter[at.shape as usize];
-        if first == NO_EMITTER {
+        let [first, _] = self.lamps[at.shape as usize];
+        if first == NONE {
             return 0.0;
         }
-        let lamp = &shapes[at.shape as usize];
-        let prim = if matches!(lamp.geometry, Geometry::Mesh(_)) { at.prim } else { 0 };
+        let lamp = self.lamp(shapes, at.shape);
+        let prim = if matches!(lamp.shape.geometry, Geometry::Mesh(_)) { at.prim } else { 0 };
         area::pdf_dir(lamp, prim, p, at) * self.table.pmf((first + prim) as usize)
     }
 

@@ -1,11 +1,23 @@
 //! Area lamps: chi-square of sampled points against their density, equality of both densities, extremes.
 
-use super::super::area::{pdf_dir, sample};
+use super::super::area::{self, Lamp, LampPoint};
 use super::*;
 use crate::math::stats::{chi_square_p, sidak};
 use std::f64::consts::PI;
 
 const CELLS: usize = 8;
+
+fn sample(shape: &Shape, prim: u32, p: Vec3, u: Vec2) -> Option<LampPoint> {
+    let frame = area::frame(shape);
+    let frame = frame.as_ref();
+    area::sample(Lamp { shape, frame }, prim, p, u)
+}
+
+fn pdf_dir(shape: &Shape, prim: u32, p: Vec3, at: &SurfacePoint) -> f32 {
+    let frame = area::frame(shape);
+    let frame = frame.as_ref();
+    area::pdf_dir(Lamp { shape, frame }, prim, p, at)
+}
 
 /// Cell of a lamp point: its texture coordinates, which all shapes have.
 fn cell(at: &SurfacePoint) -> usize {
@@ -33,8 +45,12 @@ fn expected(shape: &Shape, p: Vec3, scale: impl Fn(&SurfacePoint) -> f64) -> Vec
 }
 
 /// The lamp point that was sampled, as a ray would find it.
-fn found(shape: &Shape, p: Vec3, q: &crate::scene::light::area::LampPoint) -> SurfacePoint {
-    let hit = ShapeHit { t: q.distance, u: q.barycentric.x, v: q.barycentric.y };
+fn found(shape: &Shape, p: Vec3, q: &LampPoint) -> SurfacePoint {
+    let hit = ShapeHit {
+        t: q.distance,
+        u: q.barycentric.x,
+        v: q.barycentric.y,
+    };
     shape.surface_point(0, 0, p, q.wi, hit)
 }
 
