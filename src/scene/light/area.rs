@@ -18,7 +18,7 @@ use crate::scene::surface::SurfacePoint;
 use std::f64::consts::TAU;
 
 /// Below this solid angle (sr) planar lamps are sampled by area: there the two agree but for extreme angles, and
-/// rounding of the spherical parametrisation of a rectangle seen edge-on has grown to 1e-5 of its width.
+/// rounding of the spherical parametrisation of a rectangle seen edge-on grows to 1e-4 of its width.
 const MIN_SOLID_ANGLE: f64 = 1e-6;
 
 /// A point lies in a lamp's plane if it is no further from it than this fraction of the coordinates (5 units in the
@@ -39,7 +39,9 @@ pub(super) fn frame(shape: &Shape) -> Option<RectangleFrame> {
     };
     let (x, y) = (r.ex.as_dvec3(), r.ey.as_dvec3());
     let orthogonal = x.dot(y).abs() <= 1e-6 * x.length() * y.length();
-    orthogonal.then(|| RectangleFrame::new(r.center.as_dvec3(), x, y)).flatten()
+    orthogonal
+        .then(|| RectangleFrame::new(r.center.as_dvec3(), x, y))
+        .flatten()
 }
 
 /// A sampled point of a lamp.
@@ -132,7 +134,11 @@ fn relative(q: Vec3, p: Vec3) -> DVec3 {
 /// d^2 / (A cos) for a point at `to` of a plane at distance `height`; 0 in the plane.
 fn planar_pdf(to: DVec3, height: f64, area: f64) -> f64 {
     let d2 = to.length_squared();
-    if height > 0.0 { d2 * d2.sqrt() / (height * area) } else { 0.0 }
+    if height > 0.0 {
+        d2 * d2.sqrt() / (height * area)
+    } else {
+        0.0
+    }
 }
 
 /// d^2 / (A cos) for a point at `to` with unit normal `n`.
@@ -300,5 +306,7 @@ fn sample_cylinder(c: &Cylinder, area: f64, p: Vec3, u: Vec2) -> Option<LampPoin
     let n = c.reference.as_dvec3() * cos + c.binormal.as_dvec3() * sin;
     let to = relative(c.p0, p) + c.axis.as_dvec3() * u.x as f64 + n * c.radius as f64;
     let front = if c.flip { to.dot(n) > 0.0 } else { to.dot(n) < 0.0 };
-    front.then(|| LampPoint::new(to, curved_pdf(to, n, area), Vec2::ZERO)).flatten()
+    front
+        .then(|| LampPoint::new(to, curved_pdf(to, n, area), Vec2::ZERO))
+        .flatten()
 }

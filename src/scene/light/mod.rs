@@ -6,7 +6,7 @@
 //! Selection   one alias table (Walker 1974) over all *emitters*: every triangle of an emissive mesh, every other lamp,
 //!             every delta light, every environment light is an entry, in proportion to the mean channel of its power
 //!             (lights at infinity: what enters the scene's bounding sphere), O(1) for any number of lamps. Each entry gets at
-//!             least [`FLOOR`] of an even share, so that whatever is close can be found
+//!             least 1/1000 of an even share, so that whatever is close can be found
 //! Environment several lights at infinity are one: a direction is drawn from one of them, density and radiance are those
 //!             of their sum
 //! Bias        none. Emission is one-sided: the side is that of the interpolated normal, as in Mitsuba 3
@@ -166,7 +166,11 @@ impl Lights {
         } else if let Some(environment) = Environment::new(desc, textures.images) {
             let summary = (environment.kind(), environment.power(radius));
             self.environments.push((environment, self.emitters.len() as u32));
-            (summary.0, summary.1, Source::Environment(self.environments.len() as u32 - 1))
+            (
+                summary.0,
+                summary.1,
+                Source::Environment(self.environments.len() as u32 - 1),
+            )
         } else {
             return;
         };
@@ -246,13 +250,20 @@ impl Lights {
             return 0.0;
         }
         let lamp = self.lamp(shapes, at.shape);
-        let prim = if matches!(lamp.shape.geometry, Geometry::Mesh(_)) { at.prim } else { 0 };
+        let prim = if matches!(lamp.shape.geometry, Geometry::Mesh(_)) {
+            at.prim
+        } else {
+            0
+        };
         area::pdf_dir(lamp, prim, p, at) * self.table.pmf((first + prim) as usize)
     }
 
     /// Radiance from infinity along the unit direction `w` (away from the scene): all environment lights.
     pub fn environment(&self, textures: Textures, w: Vec3) -> Rgb {
-        self.environments.iter().map(|(e, _)| e.radiance(textures.images, w)).sum()
+        self.environments
+            .iter()
+            .map(|(e, _)| e.radiance(textures.images, w))
+            .sum()
     }
 
     /// Density per solid angle with which [`Self::sample`] draws the direction `w` into the environment.
@@ -275,7 +286,11 @@ fn lamp_radiance(lamp: &Shape, textures: Textures, shape: u32, prim: u32, p: Vec
         Some(color) => {
             let hit = ShapeHit { t: q.distance, u: q.barycentric.x, v: q.barycentric.y };
             let at = lamp.surface_point(shape, prim, p, q.wi, hit);
-            if at.n_shade.dot(q.wi) < 0.0 { textures.color(color, at.uv) } else { Rgb::ZERO }
+            if at.n_shade.dot(q.wi) < 0.0 {
+                textures.color(color, at.uv)
+            } else {
+                Rgb::ZERO
+            }
         }
         None => Rgb::ZERO,
     }
