@@ -29,11 +29,16 @@ pub struct Diagnostic {
     pub message: String,
     /// What to do about it.
     pub help: Option<String>,
-    /// The text of the line.
+    /// The text of the line; of very long lines the part around the position.
     pub source_line: String,
     /// Number of characters the message is about, at least 1.
     pub span: usize,
+    /// Characters of the line in front of `source_line`.
+    skipped: usize,
 }
+
+/// Lines with more bytes are kept in part only: some files are one single line.
+const LONG_LINE: usize = 4096;
 
 /// Longest piece of a source line that is printed, characters.
 const WINDOW: usize = 110;
@@ -52,21 +57,29 @@ impl Diagnostic {
         while !text.is_char_boundary(stop) {
             stop -= 1;
         }
+        let column = text[start..offset].chars().count() + 1;
+        let line = text[start..end].trim_end_matches('\r');
+        let skipped = if line.len() > LONG_LINE {
+            column.saturating_sub(LONG_LINE / 4)
+        } else {
+            0
+        };
         Self {
             file,
             line: before.bytes().filter(|&b| b == b'\n').count() + 1,
-            column: text[start..offset].chars().count() + 1,
+            column,
             severity,
             message,
             help: None,
-            source_line: text[start..end].trim_end_matches('\r').to_owned(),
+            source_line: line.chars().skip(skipped).take(LONG_LINE).collect(),
+            skipped,
             span: text[offset..stop.max(offset)].chars().count().max(1),
         }
     }
 
     /// The piece of the line around the position, and the column of the position in it (from 0).
     fn window(&self) -> (String, usize) {
-        let column = self.column - 1;
+        let column = self.column - 1 - self.skipped;
         let length = self.source_line.chars().count();
         let skip = if length <= WINDOW { 0 } else { column.saturating_sub(WINDOW / 3) };
         let piece: String = self.source_line.chars().skip(skip).take(WINDOW).collect();
@@ -182,6 +195,12 @@ mod tests {
         let long = "y".repeat(5000);
         let d = Diagnostic::at("a".into(), &long, 4000, 900, Severity::Error, "m".into());
         assert!(d.to_string().lines().all(|l| l.len() < 130));
+        let endless = format!("{}here{}", "y".repeat(1_000_000), "z".repeat(1_000_000));
+        let d = Diagnostic::at("a".into(), &endless, 1_000_000, 4, Severity::Error, "m".into());
+        assert!(d.column == 1_000_001 && d.source_line.len() <= LONG_LINE);
+        let text = d.to_string();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[2].find('^'), lines[1].find("here"));
     }
 
     #[test]

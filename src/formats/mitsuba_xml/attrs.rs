@@ -2,7 +2,7 @@
 
 use super::params::Params;
 use super::report::{Checked, Loc, Report};
-use crate::formats::diagnostics::suggestion;
+use crate::formats::diagnostics::{nearest, suggestion};
 use std::cell::Cell;
 
 /// One attribute.
@@ -67,9 +67,8 @@ impl Attrs {
     /// The attribute of a name, which must be there.
     pub fn need(&self, name: &str, report: &Report) -> Checked<&Attr> {
         self.get(name).ok_or_else(|| {
-            let near = suggestion(name, self.list.iter().map(|a| a.name.as_str()));
-            let help = near.and_then(|_| self.list.iter().find(|a| !a.used.get()));
-            let help = help.map(|a| format!("found \"{}\"", a.name));
+            let unused = self.list.iter().filter(|a| !a.used.get()).map(|a| a.name.as_str());
+            let help = nearest(name, unused).map(|found| format!("found \"{found}\""));
             report.error_help(self.loc, format!("<{}> needs the attribute \"{name}\"", self.tag), help)
         })
     }

@@ -59,7 +59,8 @@ pub struct Builder<'t> {
     slots: Vec<Slot>,
     depth: usize,
     defaults: BTreeMap<bool, MaterialId>,
-    meshes: Vec<(PathBuf, MeshKind, Loc)>,
+    /// Mesh files, each kind of reading once.
+    pub meshes: Vec<(PathBuf, MeshKind, Loc)>,
     images: Vec<(PathBuf, bool, Loc)>,
     /// Places of files in the two lists above.
     mesh_index: BTreeMap<(PathBuf, MeshKind), usize>,

@@ -57,7 +57,38 @@ pub fn read_text(path: &Path) -> Result<String, String> {
         return Err(format!("larger than {} MiB", TEXT_LIMIT >> 20));
     }
     let bytes = fs::read(path).map_err(|e| e.to_string())?;
-    String::from_utf8(bytes).map_err(|e| format!("not UTF-8 text (byte {})", e.utf8_error().valid_up_to()))
+    Ok(decode(bytes))
+}
+
+/// UTF-8; UTF-16 by its mark; anything else is taken for Latin-1, which old files on Windows are.
+fn decode(bytes: Vec<u8>) -> String {
+    let little = match bytes[..] {
+        [0xFF, 0xFE, ..] => Some(true),
+        [0xFE, 0xFF, ..] => Some(false),
+        _ => None,
+    };
+    if let Some(little) = little {
+        let pairs = bytes[2..].chunks_exact(2).map(|p| [p[0], p[1]]);
+        let units: Vec<u16> = pairs
+            .map(|p| {
+                if little {
+                    u16::from_le_bytes(p)
+                } else {
+                    u16::from_be_bytes(p)
+                }
+            })
+            .collect();
+        return String::from_utf16_lossy(&units);
+    }
+    match String::from_utf8(bytes) {
+        Ok(mut text) => {
+            if text.starts_with('\u{FEFF}') {
+                text.remove(0);
+            }
+            text
+        }
+        Err(error) => error.into_bytes().into_iter().map(char::from).collect(),
+    }
 }
 
 /// The folder of a file, `.` if it has none.
@@ -65,5 +96,20 @@ pub fn folder_of(path: &Path) -> PathBuf {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
         _ => PathBuf::from("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn encodings() {
+        assert_eq!(decode("a\u{e9}".into()), "a\u{e9}");
+        assert_eq!(decode(b"\xEF\xBB\xBFa".to_vec()), "a");
+        assert_eq!(decode(b"a\xE9".to_vec()), "a\u{e9}");
+        assert_eq!(decode(b"\xFF\xFEa\0\xE9\0".to_vec()), "a\u{e9}");
+        assert_eq!(decode(b"\xFE\xFF\0a\0".to_vec()), "a");
+        assert_eq!(decode(Vec::new()), "");
     }
 }

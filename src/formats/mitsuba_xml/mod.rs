@@ -36,6 +36,7 @@ use crate::scene::Description;
 use crate::scene::description::IntegratorDesc;
 use builder::Builder;
 use report::{Checked, Report, Reported};
+use std::collections::BTreeSet;
 use std::path::Path;
 use tree::{Target, Tree};
 
@@ -125,14 +126,16 @@ fn build(tree: &Tree, report: &Report) -> Checked<Description> {
             return Err(Reported);
         }
     }
-    let referenced = |id: usize| {
-        let named = tree.objects[id].id.as_deref();
-        let mut refs = tree.objects.iter().flat_map(|o| &o.children);
-        named.is_some() && refs.any(|c| matches!(&c.target, Target::Ref(r) if tree.lookup(r) == Some(id)))
-    };
+    let children = tree.objects.iter().flat_map(|o| &o.children);
+    let referenced: BTreeSet<_> = children
+        .filter_map(|c| match &c.target {
+            Target::Ref(id) => tree.lookup(id),
+            Target::Object(_) => None,
+        })
+        .collect();
     for (id, _) in scene.nested("emitter") {
         // An area light may be written at the top and referred to by shapes.
-        if tree.objects[id].kind != "area" || !referenced(id) {
+        if tree.objects[id].kind != "area" || !referenced.contains(&id) {
             let _ = emitter::read(&mut b, id);
         }
     }
@@ -140,7 +143,7 @@ fn build(tree: &Tree, report: &Report) -> Checked<Description> {
     let _ = (scene.nested("bsdf"), scene.nested("texture"), scene.nested("spectrum"));
     for tag in ["film", "sampler", "rfilter"] {
         for (id, loc) in scene.nested(tag) {
-            if !referenced(id) {
+            if !referenced.contains(&id) {
                 report.unknown(loc, format!("<{tag}> has no use here; nest it in the sensor"), None);
             }
         }

@@ -6,10 +6,9 @@
 use super::attrs::{Attrs, loc_of, tag_loc};
 use super::params::Params;
 use super::report::{Checked, Loc, Report, Reported};
-use super::tree::{Child, Object, ObjectId, Property, Spectrum, Target, Tree, Value};
-use super::{files, transform, upgrade, values};
+use super::tree::{Child, Object, ObjectId, Target, Tree};
+use super::{files, upgrade};
 use crate::formats::diagnostics::suggestion;
-use crate::math::DVec3;
 use roxmltree::Node;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -58,6 +57,8 @@ struct File {
     legacy: bool,
 }
 
+mod property;
+
 /// State of the reading of a scene's files.
 pub struct Parser<'r> {
     report: &'r Report,
@@ -66,6 +67,22 @@ pub struct Parser<'r> {
     /// Files being read, outermost first.
     open: Vec<PathBuf>,
     included: usize,
+}
+
+/// Position of an XML error.
+fn xml_error(report: &Report, source: u32, text: &str, error: &roxmltree::Error) -> Reported {
+    let pos = error.pos();
+    let (row, column) = (pos.row.max(1) as usize, pos.col.max(1) as usize);
+    let line_start: usize = text.split_inclusive('\n').take(row - 1).map(str::len).sum();
+    let line = &text[line_start.min(text.len())..];
+    let inside: usize = line.chars().take(column - 1).map(char::len_utf8).sum();
+    let start = line_start + inside;
+    // The position is said once, in front of the message.
+    let message = error.to_string();
+    let message = message
+        .strip_suffix(&format!(" at {}:{}", pos.row, pos.col))
+        .unwrap_or(&message);
+    report.error(loc_of(source, start..start + 1), format!("XML: {message}"))
 }
 
 /// Reads the text of a scene file and its includes.
@@ -99,9 +116,12 @@ pub fn parse(path: &Path, text: Rc<str>, defines: &[(String, String)], report: &
 impl Parser<'_> {
     /// Reads one file into the object `parent`; `name` replaces the name of an only object in it.
     fn file(&mut self, source: u32, text: &str, parent: ObjectId, name: Option<String>) -> Checked<()> {
-        let options = roxmltree::ParsingOptions { nodes_limit: NODE_LIMIT, ..roxmltree::ParsingOptions::default() };
-        let document =
-            roxmltree::Document::parse_with_options(text, options).map_err(|e| self.xml_error(source, text, &e))?;
+        let options = roxmltree::ParsingOptions {
+            nodes_limit: NODE_LIMIT,
+            ..roxmltree::ParsingOptions::default()
+        };
+        let document = roxmltree::Document::parse_with_options(text, options)
+            .map_err(|e| xml_error(self.report, source, text, &e))?;
         let root = document.root_element();
         let loc = tag_loc(source, root);
         if parent == 0 && self.open.len() == 1 {
@@ -145,20 +165,6 @@ impl Parser<'_> {
             root.children().filter(Node::is_element).filter(|n| OBJECTS.contains(&n.tag_name().name())).count() == 1;
         self.children(root, file, parent, self.open.len(), name.filter(|_| only));
         Ok(())
-    }
-
-    /// Position of an XML error.
-    fn xml_error(&self, source: u32, text: &str, error: &roxmltree::Error) -> Reported {
-        let pos = error.pos();
-        let (row, column) = (pos.row.max(1) as usize, pos.col.max(1) as usize);
-        let line_start: usize = text.split_inclusive('\n').take(row - 1).map(str::len).sum();
-        let line = &text[line_start.min(text.len())..];
-        let inside: usize = line.chars().take(column - 1).map(char::len_utf8).sum();
-        let start = line_start + inside;
-        // The position is said once, in front of the message.
-        let message = error.to_string();
-        let message = message.strip_suffix(&format!(" at {}:{}", pos.row, pos.col)).unwrap_or(&message);
-        self.report.error(loc_of(source, start..start + 1), format!("XML: {message}"))
     }
 
     /// Reads the elements inside of `node`; mistakes in one do not keep the others from being read.
@@ -321,50 +327,6 @@ impl Parser<'_> {
         let result = self.file(source, &text, parent, name);
         self.open.pop();
         result
-    }
-
-    fn property(&mut self, node: Node, tag: &str, attrs: &Attrs, file: File, parent: ObjectId) -> Checked<()> {
-        let report = self.report;
-        let name = attrs.need("name", report)?;
-        let value = |parser| attrs.need("value", report).and_then(|a| Attrs::parse(a, parser, report));
-        let value = match tag {
-            "integer" => Value::Integer(Attrs::parse(attrs.need("value", report)?, values::integer, report)?),
-            "float" => Value::Float(value(values::number)?),
-            "boolean" => Value::Boolean(Attrs::parse(attrs.need("value", report)?, values::boolean, report)?),
-            "string" => Value::String(attrs.need("value", report)?.value.clone()),
-            "point" | "vector" => Value::Vector(transform::vector(attrs, DVec3::ZERO, report)?),
-            "rgb" => Value::Rgb(Attrs::parse(attrs.need("value", report)?, values::rgb, report)?),
-            "srgb" => Value::Rgb(Attrs::parse(attrs.need("value", report)?, values::srgb, report)?),
-            "spectrum" => self.spectrum(attrs)?,
-            "transform" => Value::Transform(transform::parse(node, file.source, &mut self.params, report)?),
-            _ => {
-                report.unknown(attrs.loc, format!("<{tag}> is not supported; ignored"), None);
-                return Ok(());
-            }
-        };
-        attrs.finish(&["name", "value", "x", "y", "z", "filename"], report);
-        let property = Property {
-            name: self.property_name(&name.value, parent, file),
-            written: name.value.clone(),
-            name_loc: name.loc,
-            loc: attrs.get("value").map_or(attrs.loc, |a| a.loc),
-            value,
-            used: Cell::new(false),
-        };
-        self.drop_double(parent, &property.name, property.name_loc);
-        self.tree.objects[parent].properties.push(property);
-        Ok(())
-    }
-
-    fn spectrum(&self, attrs: &Attrs) -> Checked<Value> {
-        match (attrs.get("value"), attrs.get("filename")) {
-            (Some(value), None) => Ok(match Attrs::parse(value, values::spectrum, self.report)? {
-                Ok(spectrum) => Value::Spectrum(spectrum),
-                Err(rgb) => Value::Rgb(rgb),
-            }),
-            (None, Some(filename)) => Ok(Value::Spectrum(Spectrum::File(filename.value.clone()))),
-            _ => Err(self.report.error(attrs.loc, "<spectrum> needs exactly one of \"value\" and \"filename\"")),
-        }
     }
 
     fn add_child(&mut self, parent: ObjectId, child: Child) {

@@ -194,6 +194,16 @@ impl<'t> Props<'t> {
         found
     }
 
+    /// Lets nested objects of some tags be read again.
+    pub fn reopen(&self, tags: &[&str]) {
+        for child in &self.object.children {
+            let tag = self.resolve(child).map(|id| self.tree.objects[id].tag.as_str());
+            child
+                .used
+                .set(child.used.get() && !tag.is_some_and(|tag| tags.contains(&tag)));
+        }
+    }
+
     /// The nested objects of a tag, as many as `low..=high`.
     pub fn nested_count(&self, tag: &str, low: usize, high: usize) -> Checked<Vec<(ObjectId, Loc)>> {
         let found = self.nested(tag);
@@ -216,6 +226,8 @@ impl<'t> Props<'t> {
             if known.iter().any(|k| *k == property.name) {
                 continue;
             }
+            // Instances read their shapes several times: say it once.
+            property.used.set(true);
             let near = suggestion(&property.name, known.iter().copied());
             let message = format!("unknown property \"{}\" of {title}", property.written);
             self.report.unknown(property.name_loc, message, near);
@@ -227,6 +239,7 @@ impl<'t> Props<'t> {
                 self.report.media_ignored(child.loc);
                 continue;
             }
+            child.used.set(true);
             match &child.name {
                 Some(name) => {
                     let near = suggestion(name, known.iter().copied());

@@ -42,7 +42,7 @@ fn instance(b: &mut Builder, props: &Props, number: usize) -> Checked<()> {
     let parts = group.nested("shape");
     group.finish();
     // The group is read once for each instance: what was read must be found again.
-    group.object.children.iter().for_each(|c| c.used.set(false));
+    group.reopen(&["shape"]);
     for (part, loc) in parts {
         let part = b.props(part);
         if matches!(part.object.kind.as_str(), "shapegroup" | "instance") {
@@ -51,7 +51,7 @@ fn instance(b: &mut Builder, props: &Props, number: usize) -> Checked<()> {
         if b.shapes.len() >= SHAPE_LIMIT {
             return Err(b.report.error(props.object.loc, "instances make too many shapes"));
         }
-        part.object.children.iter().for_each(|c| c.used.set(false));
+        part.reopen(&["bsdf", "emitter"]);
         single(b, &part, number, to_world)?;
     }
     Ok(())

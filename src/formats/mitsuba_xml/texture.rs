@@ -202,7 +202,8 @@ fn spectrum_object(b: &mut Builder, id: ObjectId, usage: Usage) -> Checked<Rgb> 
         values::numbers(text).map_err(|m| props.error(name, m))
     };
     let value = match kind {
-        "uniform" => constant_to_rgb(props.float_or("value", 1.0)?, usage),
+        // Unlike `<spectrum value="2"/>`, this object is grey as an emission too (measured).
+        "uniform" => [props.float_or("value", 1.0)?; 3],
         "rgb" | "srgb" => match props.get("color").or(props.get("value")).map(|p| &p.value) {
             Some(Value::Rgb(c)) => *c,
             _ => {

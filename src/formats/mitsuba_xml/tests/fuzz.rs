@@ -80,7 +80,7 @@ fn mutate(random: &mut Random) -> String {
     let seed = if random.below(8) == 0 { 2 } else { random.below(2) };
     let mut text = SEEDS[seed].to_owned();
     for _ in 0..1 + random.below(3) {
-        match random.below(6) {
+        match random.below(9) {
             0 => {
                 let mut bytes = text.into_bytes();
                 let at = random.below(bytes.len());
@@ -99,8 +99,19 @@ fn mutate(random: &mut Random) -> String {
                 let end = (at + 1 + random.below(40)).min(list.len());
                 text = [&list[..end], &list[at..]].concat().concat();
             }
-            3 | 4 => {
-                // A value of an attribute.
+            3..=5 => {
+                // One value of an attribute for another: the XML stays well-formed.
+                let parts: Vec<&str> = text.split('"').collect();
+                let pick = |random: &mut Random| random.below(parts.len() / 2) * 2 + 1;
+                let (to, from) = (pick(random), pick(random));
+                let mut parts: Vec<String> = parts.iter().map(|p| (*p).to_owned()).collect();
+                if to < parts.len() && from < parts.len() {
+                    parts[to] = parts[from].clone();
+                    text = parts.join("\"");
+                }
+            }
+            6 | 7 => {
+                // Something odd for a value.
                 let quotes: Vec<usize> = text.match_indices('"').map(|(i, _)| i).collect();
                 if quotes.len() > 1 {
                     let i = random.below(quotes.len() / 2) * 2;

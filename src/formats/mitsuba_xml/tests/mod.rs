@@ -5,6 +5,7 @@ mod language;
 mod legacy;
 mod plugins;
 mod public;
+mod shapes;
 
 use crate::formats::{Diagnostics, LoadOptions, Loaded};
 use crate::scene::Description;
