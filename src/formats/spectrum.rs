@@ -2,7 +2,7 @@
 //!
 //! Source      CIE 1931 2 degree observer; XYZ to linear sRGB by IEC 61966-2-1 (tables in `cie.rs`)
 //! Computes    rgb = M * integral of s(w) (x, y, z)(w) dw / integral of y(w) dw, midpoint-like sums at 1000 wavelengths
-//!             from 360 to 830 nm, s linear between its samples and zero outside of them; reflectances are seen under
+//!             from 360 to 830 nm, s linear between its samples and zero outside of them; all but emission is seen under
 //!             D65 of luminance 1. These are the conventions of Mitsuba 3 in RGB mode, down to the number of steps.
 //! Not handled fluorescence, spectral rendering, binary `.spb` files
 
@@ -12,7 +12,7 @@ use crate::math::Rgb;
 /// What a colour is used for; decides whether D65 is applied and what range is legal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Usage {
-    /// A factor on light: seen under D65, clamped to [0,1].
+    /// A factor on light: seen under D65, clamped to 0..1.
     Reflectance,
     /// Emitted light: no illuminant, not below 0.
     Emission,
