@@ -5,9 +5,10 @@
 //! nodes of eight. Deterministic for any number of threads.
 //! Left out: primitives with NaN, infinite or huge coordinates, triangles without area, indices out of range.
 
-use super::collapse::collapse;
+use super::collapse::{BALANCED_DEPTH, collapse};
 use super::layout::Tree;
 use super::quadric::Quadric;
+use crate::math::sampler::{hash, unit_f32};
 use crate::math::{DVec3, Vec3};
 use crate::scene::shape::Rectangle;
 use crate::scene::{Geometry, Mesh, Shape};
@@ -40,12 +41,19 @@ impl Boundable for Prim {
 impl Prim {
     /// None where coordinates are not finite or too large.
     ///
-    /// The box is widened by 4 ulps of its largest extent, and outwards to the next float: the triangle test moves vertices
-    /// by up to 1.5 ulps of their distance from the origin of the ray, in proportion to their weight at the hit. The
-    /// part due to the distance of the hit is covered by the scale of far distances, the rest by this.
+    /// The box is widened by at least 4 ulps of its largest extent, and outwards to the next floats: the triangle test moves
+    /// vertices by up to 1.5 ulps of their distance from the origin of the ray, in proportion to their weight at the hit.
+    /// The part due to the distance of the hit is covered by the scale of far distances, the rest by this.
+    ///
+    /// Some boxes are widened by up to 64 ulps, so that no two are likely to be equal: over many equal boxes the clustering of
+    /// obvhs takes quadratic time (14 s for 20,000).
     fn new(shape: u32, part: u32, min: Vec3, max: Vec3) -> Option<Self> {
-        let pad = Vec3::splat((max - min).max_element() * (4.0 * f32::EPSILON));
-        let (min, max) = ((min - pad).map(|x| x.next_down().next_down()), (max + pad).map(|x| x.next_up().next_up()));
+        let key = hash(shape as u64, part as u64);
+        let pad = (max - min).max_element() * (4.0 + 60.0 * unit_f32(key)) * f32::EPSILON;
+        let (min, max) = (
+            (min - Vec3::splat(pad)).map(|x| x.next_down().next_down()),
+            (max + Vec3::splat(pad)).map(|x| x.next_up().next_up()),
+        );
         let usable = |v: Vec3| v.abs().cmple(Vec3::splat(LARGEST_COORDINATE)).all();
         (usable(min) && usable(max)).then_some(Prim { min, max, shape, part })
     }
@@ -121,12 +129,16 @@ fn prims(shapes: &[Shape]) -> Vec<Prim> {
 
 /// Builds the tree over all primitives of the shapes.
 pub(super) fn build(shapes: &[Shape]) -> Tree {
+    build_with(shapes, BALANCED_DEPTH)
+}
+
+/// The same, with nodes below a depth balanced by force.
+pub(super) fn build_with(shapes: &[Shape], balanced_depth: usize) -> Tree {
     let prims = prims(shapes);
     if prims.is_empty() {
         return Tree::default();
     }
-    let bvh = binary_tree(&prims);
-    collapse(shapes, &prims, &bvh)
+    collapse(shapes, &prims, &binary_tree(&prims), balanced_depth)
 }
 
 /// As the "medium" preset of obvhs, with one primitive per leaf.

@@ -14,14 +14,10 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
 /// Nodes on a path from the root before balance is enforced. Balanced subtrees have a depth of at most 11 more (8^11 leaves).
-const BALANCED_DEPTH: usize = LONG_STACK / 7 - 13;
+pub(super) const BALANCED_DEPTH: usize = LONG_STACK / 7 - 13;
 
 /// Makes the tree. There must be at least one primitive.
-pub(super) fn collapse(shapes: &[Shape], prims: &[Prim], bvh: &Bvh2) -> Tree {
-    collapse_with(shapes, prims, bvh, BALANCED_DEPTH)
-}
-
-pub(super) fn collapse_with(shapes: &[Shape], prims: &[Prim], bvh: &Bvh2, balanced_depth: usize) -> Tree {
+pub(super) fn collapse(shapes: &[Shape], prims: &[Prim], bvh: &Bvh2, balanced_depth: usize) -> Tree {
     let mut c = Collapse {
         shapes,
         prims,

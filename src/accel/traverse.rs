@@ -120,6 +120,12 @@ impl<const N: usize> Stack<N> {
         Stack { entries: [0; N], len: 0 }
     }
 
+    /// Fails unless the children of a node (all but one) can be pushed.
+    #[inline(always)]
+    fn reserve(&self) -> Result<(), Overflow> {
+        if self.len + 7 <= N { Ok(()) } else { Err(Overflow) }
+    }
+
     #[inline(always)]
     fn push(&mut self, entry: u64) {
         self.entries[self.len] = entry;
@@ -150,47 +156,52 @@ fn next_slot(mask: &mut u32) -> usize {
     slot as usize
 }
 
-/// Nearest hit. Trees of ordinary depth get by with a short stack, which is cheaper to set up.
+/// Entries of the first stack tried. Few rays need more, and a short one is cheaper to set up.
+const SHORT_STACK: usize = 32;
+
+/// Entries of the stack for the others. The builder limits the depth of trees so that it suffices.
+pub(super) const LONG_STACK: usize = 320;
+
+/// The stack was too short for this ray.
+struct Overflow;
+
+/// Nearest hit.
 #[inline(always)]
 pub(super) fn closest<K: Kernel>(tree: &Tree, ray: &Ray) -> Option<Hit> {
-    if tree.stack_need <= SHORT_STACK {
-        closest_with::<K, SHORT_STACK>(tree, ray)
-    } else {
-        closest_with::<K, LONG_STACK>(tree, ray)
-    }
+    let mut query = Query::new(ray)?;
+    closest_with::<K, SHORT_STACK>(tree, ray, &mut query)
+        .or_else(|Overflow| closest_with::<K, LONG_STACK>(tree, ray, &mut Query::new(ray).ok_or(Overflow)?))
+        .unwrap_or(None)
 }
 
 /// Whether there is a hit.
 #[inline(always)]
 pub(super) fn occluded<K: Kernel>(tree: &Tree, ray: &Ray) -> bool {
-    if tree.stack_need <= SHORT_STACK {
-        occluded_with::<K, SHORT_STACK>(tree, ray)
-    } else {
-        occluded_with::<K, LONG_STACK>(tree, ray)
-    }
+    let Some(query) = Query::new(ray) else { return false };
+    occluded_with::<K, SHORT_STACK>(tree, ray, &query)
+        .or_else(|Overflow| occluded_with::<K, LONG_STACK>(tree, ray, &query))
+        .unwrap_or(false)
 }
 
-const SHORT_STACK: usize = 96;
-/// The builder limits the depth of trees so that this suffices.
-pub(super) const LONG_STACK: usize = 320;
-
 #[inline(always)]
-fn closest_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray) -> Option<Hit> {
-    let mut query = Query::new(ray)?;
+fn closest_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray, query: &mut Query) -> Result<Option<Hit>, Overflow> {
     let mut best: Option<Hit> = None;
     let mut current;
-    let mut node = tree.nodes.first()?;
+    let Some(mut node) = tree.nodes.first() else {
+        return Ok(None);
+    };
     let mut stack = Stack::<N>::new();
     loop {
         // Down to a leaf, nearest child first.
         loop {
-            let (mut mask, near) = K::boxes(&query, node);
+            let (mut mask, near) = K::boxes(query, node);
             if mask == 0 {
                 current = Child::NONE;
                 break;
             }
             let mut first = entry(&near, node, next_slot(&mut mask));
             if mask != 0 {
+                stack.reserve()?;
                 let base = stack.len;
                 while mask != 0 {
                     let other = entry(&near, node, next_slot(&mut mask));
@@ -209,11 +220,11 @@ fn closest_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray) -> Option<Hit
         // Leaves, until the next node comes up.
         loop {
             if current != Child::NONE {
-                leaf::<K>(tree, current, ray, &mut query, &mut best);
+                leaf::<K>(tree, current, ray, query, &mut best);
             }
             let limit = query.tmax_far();
             current = loop {
-                let Some(entry) = stack.pop() else { return best };
+                let Some(entry) = stack.pop() else { return Ok(best) };
                 if f32::from_bits((entry >> 32) as u32) <= limit {
                     break child_of(entry);
                 }
@@ -280,37 +291,42 @@ fn leaf<K: Kernel>(tree: &Tree, child: Child, ray: &Ray, query: &mut Query, best
 const NO_HITS: TriHits = TriHits { edge: [[0.0; 4]; 3], det: [0.0; 4], t: [0.0; 4] };
 
 #[inline(always)]
-fn occluded_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray) -> bool {
-    let Some(query) = Query::new(ray) else { return false };
+fn occluded_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray, query: &Query) -> Result<bool, Overflow> {
     if tree.nodes.is_empty() {
-        return false;
+        return Ok(false);
     }
     let mut stack = Stack::<N>::new();
     let mut current = Child::node(0);
     loop {
         if current.is_node() {
             let node = &tree.nodes[current.index()];
-            let (mut mask, _) = K::boxes(&query, node);
+            let (mut mask, near) = K::boxes(query, node);
             if mask != 0 {
-                current = node.children[next_slot(&mut mask) & 7];
-                while mask != 0 {
-                    let other = node.children[next_slot(&mut mask) & 7];
-                    K::prefetch(tree, other);
-                    stack.push(other.0 as u64);
+                let mut first = entry(&near, node, next_slot(&mut mask));
+                if mask != 0 {
+                    stack.reserve()?;
+                    while mask != 0 {
+                        // The nearest box goes first, the others as they come.
+                        let other = entry(&near, node, next_slot(&mut mask));
+                        K::prefetch(tree, child_of(first.max(other)));
+                        stack.push(first.max(other));
+                        first = first.min(other);
+                    }
                 }
+                current = child_of(first);
                 continue;
             }
         } else if current.is_quadric() {
             let quadric = &tree.quadrics[current.index()];
             if quadric.intersect(ray.o, ray.d, query.tmin, query.tmax).is_some() {
-                return true;
+                return Ok(true);
             }
-        } else if K::triangles(&query, &tree.tris[current.index()], &mut { NO_HITS }) != 0 {
-            return true;
+        } else if K::triangles(query, &tree.tris[current.index()], &mut { NO_HITS }) != 0 {
+            return Ok(true);
         }
         match stack.pop() {
             Some(entry) => current = child_of(entry),
-            None => return false,
+            None => return Ok(false),
         }
     }
 }
