@@ -1,11 +1,11 @@
 //! Traces rays from a file against a PLY mesh and measures the speed of one thread.
 //!
-//! `trace_rays MESH.ply RAYS.f32 [HITS.bin]`
+//! `trace_rays [--portable] MESH.ply RAYS.f32 [HITS.bin]`
 //!
 //! RAYS.f32 holds little-endian f32 records: origin xyz, direction xyz, tmin, tmax. HITS.bin gets one record per ray: f32 t
 //! (+inf: no hit) and u32 triangle (0xffffffff: no hit). One line of JSON on stdout: `build_s`, `closest_mrays` and
-//! `any_mrays` (million rays per second of one thread). `DUALUX_SIMD=portable` in the environment takes the
-//! portable path, which must find the same hits.
+//! `any_mrays` (million rays per second of one thread). `--portable` does without AVX2; it must
+//! find the same hits.
 
 use dualux::accel::{Accel, Hit, Ray, Simd};
 use dualux::math::Vec3;
@@ -19,12 +19,17 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 fn main() -> ExitCode {
-    let args: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    let mut args: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    let mut simd = Simd::Avx2;
+    if args.first().is_some_and(|arg| arg.as_os_str() == "--portable") {
+        args.remove(0);
+        simd = Simd::Portable;
+    }
     if !(2..=3).contains(&args.len()) {
-        eprintln!("usage: trace_rays MESH.ply RAYS.f32 [HITS.bin]");
+        eprintln!("usage: trace_rays [--portable] MESH.ply RAYS.f32 [HITS.bin]");
         return ExitCode::from(2);
     }
-    match run(&args[0], &args[1], args.get(2).map(PathBuf::as_path)) {
+    match run(&args[0], &args[1], args.get(2).map(PathBuf::as_path), simd) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
@@ -33,13 +38,9 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(mesh: &Path, rays: &Path, hits: Option<&Path>) -> Result<(), Box<dyn Error>> {
+fn run(mesh: &Path, rays: &Path, hits: Option<&Path>, simd: Simd) -> Result<(), Box<dyn Error>> {
     let shape = shape(read_ply(mesh).map_err(|e| format!("{}: {e}", mesh.display()))?);
     let rays = read_rays(rays).map_err(|e| format!("{}: {e}", rays.display()))?;
-    let simd = match std::env::var("DUALUX_SIMD").as_deref() {
-        Ok("portable") => Simd::Portable,
-        _ => Simd::Avx2,
-    };
 
     let start = Instant::now();
     let accel = Accel::with_simd(&[shape], simd);

@@ -1,7 +1,7 @@
 //! Ray queries over the shapes of a scene: an 8-wide bounding volume hierarchy.
 //!
-//! * [`layout`]: the arrays that hold the tree; other walks (widened rays, footprints) read the same ones
-//! * `build`: shapes to primitives, binary tree by obvhs, collapse to eight children per node
+//! * `layout`: the arrays that hold the tree; other walks (widened rays, footprints) read the same ones
+//! * `build`, `plan`, `collapse`: shapes to primitives, binary tree by obvhs, nodes of eight children
 //! * `traverse`: nearest hit and occlusion, written once over a small `Kernel`
 //! * `portable`, `avx2`: the two kernels; every value they compute is equal bit for bit
 //! * `quadric`: spheres, disks and cylinders
@@ -10,7 +10,7 @@
 //! share. Boxes are conservative. No constant here has a unit of length, so that scenes of any scale behave alike.
 //! A query is deterministic: hits at equal t are decided by the lower (shape, prim).
 //!
-//! Not handled: coordinates beyond 1e18 (such primitives are left out, as are those with NaN, infinite or
+//! Not handled: coordinates beyond 1e12 (such primitives are left out, as are those with NaN, infinite or
 //! degenerate geometry), direction components below 1e-38 (taken as zero), motion.
 
 mod avx2;

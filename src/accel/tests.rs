@@ -255,3 +255,40 @@ fn barycentrics_give_the_hit_point() {
     }
     assert!(hits > 500);
 }
+
+/// Boxes that all overlap: walks need more than the short stack. And trees that are balanced by force.
+#[test]
+fn long_stacks_and_balanced_trees_find_the_same() {
+    let mut random = Random(12);
+    let shapes = [soup(&mut random, 20_000, 1.5)];
+    let accel = Accel::new(&shapes);
+    assert!(accel.tree.stack_need > 40, "{}", accel.tree.stack_need);
+    let balanced = |depth| Accel {
+        tree: build::build_with(&shapes, depth),
+        avx2: Avx2::detect(),
+    };
+    let others = [balanced(0), balanced(3), Accel::with_simd(&shapes, Simd::Portable)];
+    let mut compared = 0;
+    for i in 0..400 {
+        let mut ray = random_ray(&mut random);
+        if i % 2 == 0 {
+            // Beyond everything: the whole line is searched.
+            ray = Ray {
+                tmin: 1e-3,
+                d: ray.d * 1e-4,
+                ..ray
+            };
+        }
+        let hit = accel.closest(&ray);
+        assert!(
+            others
+                .iter()
+                .all(|a| a.closest(&ray) == hit && a.occluded(&ray) == hit.is_some())
+        );
+        if i < 100 {
+            let truth = brute_force(&shapes, &ray);
+            compared += (truth.map(|t| t.2) == hit.map(|h| h.prim)) as usize;
+        }
+    }
+    assert!(compared >= 98, "{compared}");
+}

@@ -199,8 +199,10 @@ fn closest_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray, query: &mut Q
                 current = Child::NONE;
                 break;
             }
-            let mut first = entry(&near, node, next_slot(&mut mask));
+            let slot = next_slot(&mut mask);
+            current = node.children[slot & 7];
             if mask != 0 {
+                let mut first = entry(&near, node, slot);
                 stack.reserve()?;
                 let base = stack.len;
                 while mask != 0 {
@@ -210,8 +212,8 @@ fn closest_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray, query: &mut Q
                     first = first.min(other);
                 }
                 sort_descending(&mut stack.entries[base..stack.len]);
+                current = child_of(first);
             }
-            current = child_of(first);
             if !current.is_node() {
                 break;
             }
@@ -302,8 +304,10 @@ fn occluded_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray, query: &Quer
             let node = &tree.nodes[current.index()];
             let (mut mask, near) = K::boxes(query, node);
             if mask != 0 {
-                let mut first = entry(&near, node, next_slot(&mut mask));
+                let slot = next_slot(&mut mask);
+                current = node.children[slot & 7];
                 if mask != 0 {
+                    let mut first = entry(&near, node, slot);
                     stack.reserve()?;
                     while mask != 0 {
                         // The nearest box goes first, the others as they come.
@@ -312,8 +316,8 @@ fn occluded_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray, query: &Quer
                         stack.push(first.max(other));
                         first = first.min(other);
                     }
+                    current = child_of(first);
                 }
-                current = child_of(first);
                 continue;
             }
         } else if current.is_quadric() {
