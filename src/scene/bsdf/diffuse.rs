@@ -4,10 +4,11 @@
 //! Source: Oren & Nayar 1994, "Generalization of Lambert's Reflectance Model", eq. 30 (qualitative model).
 //! Bias: none in the sampling; the qualitative model leaves out interreflections between facets.
 
+use super::clamp_or_low;
 use super::lobe::LobeSample;
-use crate::math::{Rgb, Vec2, Vec3};
+use crate::math::{Rgb, Vec2, Vec3, warp};
 use crate::scene::LobeKind;
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, SQRT_2};
+use std::f32::consts::{FRAC_1_PI, SQRT_2};
 
 /// Lambertian reflection.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +41,7 @@ impl OrenNayar {
     /// `alpha` is the roughness of a Beckmann surface with the same slopes: sqrt(2) times the standard deviation of the
     /// facets' angle (the convention of Mitsuba 0.6's `roughdiffuse`).
     pub fn new(reflectance: Rgb, alpha: f32) -> Self {
-        let sigma = alpha.max(0.0).min(1e3) / SQRT_2;
+        let sigma = clamp_or_low(alpha, 0.0, 1e3) / SQRT_2;
         let sigma2 = sigma * sigma;
         OrenNayar { reflectance, a: 1.0 - 0.5 * sigma2 / (sigma2 + 0.33), b: 0.45 * sigma2 / (sigma2 + 0.09) }
     }
@@ -60,18 +61,5 @@ impl OrenNayar {
 
 /// A cosine-distributed direction above the horizon.
 pub fn sample_cosine(u: Vec2) -> LobeSample {
-    let disk = concentric_disk(u);
-    let z = (1.0 - disk.length_squared()).max(0.0).sqrt();
-    LobeSample::density(Vec3::new(disk.x, disk.y, z), LobeKind::Diffuse)
-}
-
-/// The unit square mapped to the unit disk, areas kept in proportion (Shirley & Chiu 1997).
-fn concentric_disk(u: Vec2) -> Vec2 {
-    let p = 2.0 * u - Vec2::ONE;
-    if p == Vec2::ZERO {
-        return p;
-    }
-    let (r, phi) =
-        if p.x.abs() > p.y.abs() { (p.x, FRAC_PI_4 * (p.y / p.x)) } else { (p.y, FRAC_PI_2 - FRAC_PI_4 * (p.x / p.y)) };
-    Vec2::new(r * phi.cos(), r * phi.sin())
+    LobeSample::density(warp::sample_cosine_hemisphere(u), LobeKind::Diffuse)
 }

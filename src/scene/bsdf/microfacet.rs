@@ -14,6 +14,7 @@ use crate::math::{Vec2, Vec3};
 use crate::scene::material::Distribution;
 use std::f32::consts::PI;
 
+use super::clamp_or_low;
 use super::erf::{erf, erf_inv};
 
 /// Smaller roughness is raised to this: f32 resolves no sharper peak.
@@ -32,9 +33,12 @@ pub struct Microfacet {
 impl Microfacet {
     /// The distribution with the given roughness along the two tangents; clamped to what can be computed.
     pub fn new(distribution: Distribution, alpha_u: f32, alpha_v: f32) -> Self {
-        // max first: it turns NaN into the minimum.
-        let clamp = |a: f32| a.max(MIN_ALPHA).min(MAX_ALPHA);
-        Microfacet { distribution, alpha_u: clamp(alpha_u), alpha_v: clamp(alpha_v) }
+        let clamp = |a: f32| clamp_or_low(a, MIN_ALPHA, MAX_ALPHA);
+        Microfacet {
+            distribution,
+            alpha_u: clamp(alpha_u),
+            alpha_v: clamp(alpha_v),
+        }
     }
 
     /// The family.

@@ -6,23 +6,21 @@
 //! ```text
 //! eval(wo, wi)  = sum_l w_l f_l(wo, wi) |cos_l(wi)| c_l(wo, wi)          over lobes with a density
 //! pdf_dir       = sum_l p_l(wo) pdf_l(wo, wi),   p_l ~ w_l luminance(albedo_l(wo))      per solid angle of wi
-//! c_l           = 1 / eta^2  for radiance that crosses a boundary        (Veach 1997, eq. 5.2)
-//!                 |wo.n_l wi.n_geo| / |wo.n_geo wi.n_l| for importance   (Veach 1997, eq. 5.19)
+//! c_l           = 1 / eta^2  for radiance that crosses a boundary        (Veach 1997, section 5.2)
+//!                 |wo.n_l wi.n_geo| / |wo.n_geo wi.n_l| for importance   (Veach 1997, section 5.3)
 //! ```
 //!
 //! c_l is applied in `layer.rs` only; lobes know nothing of it. The three functions agree for any `wo` on the side the
 //! `Bsdf` was made for (two-sided materials and maps choose their frame by that side).
 //! Bias: none beyond that of the models. Not handled: the flip of normals under bump and normal maps depends on the side
 //! `wo` sees, so for importance it is not the exact adjoint where such a flip happens.
-//! Verified by `tests.rs` (chi-square, weight = value / pdf, reciprocity, adjoint, energy) and `golden.rs` (Mitsuba 3.9.1).
+//! Verified by `tests/`: chi-square, weight = value / pdf, reciprocity, adjoint, energy, agreement with Mitsuba 3.9.1.
 
 mod conductor;
 mod dielectric;
 mod diffuse;
 mod erf;
 mod fresnel;
-#[cfg(test)]
-mod golden;
 mod layer;
 mod lobe;
 mod microfacet;
@@ -42,6 +40,11 @@ use arrayvec::ArrayVec;
 
 /// The largest float below 1: keeps remapped random numbers in [0, 1).
 const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON * 0.5;
+
+/// `x` in [low, high]; `low` for NaN.
+fn clamp_or_low(x: f32, low: f32, high: f32) -> f32 {
+    if x.is_nan() { low } else { x.clamp(low, high) }
+}
 
 /// What a path carries. Radiance scales with the squared index when it crosses a boundary, photon power does not;
 /// and with shading normals the adjoint needs Veach's factor (1997, section 5.3). Both are applied here only.

@@ -6,6 +6,7 @@
 //! Not handled: of nested bump or normal maps, the side test and the shadowing term see only the outermost normal and the
 //! innermost one.
 
+use super::clamp_or_low;
 use super::conductor::{Metal, RoughMetal};
 use super::dielectric::{Boundary, RoughBoundary};
 use super::diffuse::{Lambert, OrenNayar};
@@ -279,12 +280,12 @@ fn has_tangents(material: &Material) -> bool {
 
 /// Clamped to [0, 1]; NaN becomes 0.
 fn unit(x: f32) -> f32 {
-    x.max(0.0).min(1.0)
+    clamp_or_low(x, 0.0, 1.0)
 }
 
-/// Not negative, finite; pictures may hold anything. (`f32::max` turns NaN into 0.)
+/// Not negative, finite; pictures may hold anything.
 fn valid_color(c: Rgb) -> Rgb {
-    c.map(|x| x.max(0.0).min(1e6))
+    c.map(|x| clamp_or_low(x, 0.0, 1e6))
 }
 
 /// A usable index; readers refuse others.

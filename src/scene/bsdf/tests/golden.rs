@@ -1,83 +1,9 @@
 //! Values of the models against Mitsuba 3.9.1 (variant `scalar_rgb`): eval and pdf at twenty pairs of directions, and
 //! the Dirac samples. Each table row holds (green channel of f cos, pdf) for the pair of the same index.
 
+#![allow(clippy::approx_constant)] // 1/pi, rounded
+
 use super::*;
-use crate::math::Affine2;
-use crate::scene::description::MaterialId;
-use crate::scene::material::{Distribution, Roughness};
-use crate::scene::texture::{Bitmap, Color, Scalar, TexFilter, Texture, Wrap};
-
-const ETA: Rgb = Rgb::new(0.2, 0.92, 1.1);
-const K: Rgb = Rgb::new(3.9, 2.45, 2.14);
-
-fn grey(x: f32) -> Color {
-    Color::Constant(Rgb::splat(x))
-}
-
-fn diffuse(x: f32) -> Material {
-    Material::Diffuse { reflectance: grey(x) }
-}
-
-fn rough(distribution: Distribution, alpha_u: f32, alpha_v: f32) -> Roughness {
-    Roughness { distribution, alpha_u: Scalar::Constant(alpha_u), alpha_v: Scalar::Constant(alpha_v) }
-}
-
-fn metal(roughness: Roughness) -> Material {
-    Material::RoughConductor { eta: ETA, k: K, specular_reflectance: grey(1.0), roughness }
-}
-
-fn glass(eta: f32, roughness: Roughness) -> Material {
-    Material::RoughDielectric { eta, specular_reflectance: grey(1.0), specular_transmittance: grey(1.0), roughness }
-}
-
-fn plastic(eta: f32, diffuse: f32, specular: f32, nonlinear: bool, roughness: Option<Roughness>) -> Material {
-    let (diffuse_reflectance, specular_reflectance) = (grey(diffuse), grey(specular));
-    match roughness {
-        None => Material::Plastic { eta, diffuse_reflectance, specular_reflectance, nonlinear },
-        Some(roughness) => {
-            Material::RoughPlastic { eta, diffuse_reflectance, specular_reflectance, nonlinear, roughness }
-        }
-    }
-}
-
-fn flat() -> SurfacePoint {
-    SurfacePoint {
-        p: Vec3::ZERO,
-        p_error: Vec3::ZERO,
-        n_geo: Vec3::Z,
-        n_shade: Vec3::Z,
-        uv: Vec2::new(0.3, 0.6),
-        dp_du: Vec3::X,
-        dp_dv: Vec3::Y,
-        shape: 0,
-        prim: 0,
-    }
-}
-
-/// The surface the maps were evaluated on.
-fn tilted() -> SurfacePoint {
-    SurfacePoint {
-        n_shade: Vec3::new(0.2, -0.1, 1.0).normalize(),
-        uv: Vec2::new(0.3, 0.45),
-        dp_du: Vec3::new(0.8, 0.5, 0.1),
-        dp_dv: Vec3::new(-0.3, 1.4, 0.2),
-        ..flat()
-    }
-}
-
-/// Texture 0: a colourful picture of 3 x 2 texels. Texture 1: the tangent-space normal (0.5, -0.3, 0.6) everywhere.
-fn textures() -> ([Texture; 2], [Bitmap; 2]) {
-    let texture =
-        |image| Texture::Bitmap { image, filter: TexFilter::Bilinear, wrap: Wrap::Repeat, to_uv: Affine2::IDENTITY };
-    let picture =
-        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.2, 0.4, 0.6], [0.9, 0.1, 0.3], [0.5, 0.5, 0.0]];
-    let normal = 0.5 * (Vec3::new(0.5, -0.3, 0.6).normalize() + Vec3::ONE);
-    let images = [
-        Bitmap { width: 3, height: 2, pixels: picture.iter().map(|&c| Rgb::from(c)).collect() },
-        Bitmap { width: 1, height: 1, pixels: vec![normal] },
-    ];
-    ([texture(0), texture(1)], images)
-}
 
 /// Greatest deviation from a table, relative to the value plus a thousandth, of the value and of the pdf. The material is
 /// the last one.
@@ -87,7 +13,7 @@ fn deviation(materials: &[Material], at: &SurfacePoint, table: &[[f32; 2]; 20]) 
     let (mut worst_f, mut worst_pdf) = (0f32, 0f32);
     for ((wo, wi), &[f, pdf]) in PAIRS.iter().zip(table) {
         let (wo, wi) = (Vec3::from(*wo).normalize(), Vec3::from(*wi).normalize());
-        let bsdf = Bsdf::new(materials, materials.len() as MaterialId - 1, t, at, wo);
+        let bsdf = Bsdf::new(materials, materials.len() as u32 - 1, t, at, wo);
         let (ours, our_pdf) = bsdf.eval_pdf(wo, wi, Transport::Radiance);
         let relative = |x: f32, y: f32| (x - y).abs() / (y.abs() + 1e-3);
         worst_f = worst_f.max(relative(ours.y, f));
