@@ -27,7 +27,7 @@ pub enum TexFilter {
     Bilinear,
 }
 
-/// What lies outside [0,1]^2.
+/// What lies outside the unit square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wrap {
     /// Periodic.

@@ -1,8 +1,9 @@
 //! A lobe in its frame with its weight: local directions, maps of normals, and what depends on the kind of transport.
 
-use super::Transport;
+use super::diffuse::Lambert;
 use super::lobe::{Lobe, LobeSample};
-use crate::math::{Frame, Rgb, Vec2, Vec3};
+use super::{BsdfSample, LobeKind, Transport};
+use crate::math::{Frame, Rgb, Vec2, Vec3, warp};
 
 /// A weighted lobe and the frame it lives in.
 #[derive(Clone, Debug)]
@@ -46,9 +47,14 @@ fn tan2(cos: f32) -> f32 {
 }
 
 impl Layer {
-    /// A layer that scatters nothing.
-    pub fn black(n: Vec3) -> Self {
-        Layer { frame: Frame::from_normal(n), weight: 1.0, perturbation: None, lobe: Lobe::BLACK }
+    /// A plain diffuse layer of weight 1.
+    pub fn lambert(n: Vec3, reflectance: Rgb) -> Self {
+        Layer {
+            frame: Frame::from_normal(n),
+            weight: 1.0,
+            perturbation: None,
+            lobe: Lobe::Lambert(Lambert { reflectance }),
+        }
     }
 
     /// f |cos| with all factors but the layer's weight, and pdf.
@@ -86,6 +92,23 @@ impl Layer {
             None => 1.0,
         };
         Some((s, wi, factor))
+    }
+
+    /// What [`super::Bsdf::sample`] does for radiance if this layer, a plain diffuse one, is alone: its weight is its
+    /// albedo.
+    pub fn sample_lambert(&self, lobe: &Lambert, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
+        let weight = self.weight * lobe.reflectance;
+        if wo.dot(self.frame.n) <= 0.0 || weight.max_element() <= 0.0 {
+            return None;
+        }
+        let local = warp::sample_cosine_hemisphere(u);
+        Some(BsdfSample {
+            wi: self.frame.to_world(local),
+            weight,
+            pdf_dir: warp::pdf_cosine_hemisphere(local),
+            lobe: LobeKind::Diffuse,
+            eta: 1.0,
+        })
     }
 
     /// Share of light scattered, for choosing among layers.

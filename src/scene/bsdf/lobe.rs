@@ -51,9 +51,6 @@ impl LobeSample {
 }
 
 impl Lobe {
-    /// A lobe that scatters nothing.
-    pub const BLACK: Lobe = Lobe::Lambert(Lambert { reflectance: Rgb::ZERO });
-
     /// f |cos| and pdf of the part that has a density.
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
         match self {

@@ -29,9 +29,12 @@ mod resolve;
 mod rough_transmittance;
 #[cfg(test)]
 mod tests;
+mod view;
 
 use self::layer::Layer;
+use self::lobe::Lobe;
 use self::resolve::{MAX_LAYERS, Resolver};
+use self::view::{State, View, valid_color};
 use super::material::Material;
 use super::surface::SurfacePoint;
 use super::texture::Textures;
@@ -97,9 +100,41 @@ pub struct Bsdf {
 impl Bsdf {
     /// The material `id` at `at`, seen from `wo`.
     pub fn new(materials: &[Material], id: u32, textures: Textures, at: &SurfacePoint, wo: Vec3) -> Self {
-        let mut resolver = Resolver::new(materials, textures, at, wo);
-        resolver.run(id);
-        Bsdf { n_geo: at.n_geo, first: resolver.first.unwrap_or_else(|| Layer::black(at.n_shade)), rest: resolver.rest }
+        // The usual cases first: a single lobe on one or two sides, and above all a diffuse one.
+        let (leaf, n, two_sided) = match &materials[id as usize] {
+            Material::TwoSided { front, .. } if wo.dot(at.n_shade) >= 0.0 => (*front, at.n_shade, true),
+            Material::TwoSided { back, .. } => (*back, -at.n_shade, true),
+            _ => (id, at.n_shade, false),
+        };
+        let leaf = &materials[leaf as usize];
+        if let Material::Diffuse { reflectance } = leaf {
+            let reflectance = valid_color(textures.color(reflectance, at.uv));
+            return Bsdf {
+                n_geo: at.n_geo,
+                first: Layer::lambert(n, reflectance),
+                rest: Vec::new(),
+            };
+        }
+        let view = View { textures, at, wo };
+        let root = State::new(at);
+        let state = if two_sided { root.turned_to(wo).1 } else { root };
+        if let Some(lobe) = view.lobe(leaf) {
+            return Bsdf {
+                n_geo: at.n_geo,
+                first: view.layer(&state, leaf, lobe),
+                rest: Vec::new(),
+            };
+        }
+        let mut layers = Resolver::new(materials, &view).run(id, root);
+        let first = match layers.is_empty() {
+            true => Layer::lambert(at.n_shade, Rgb::ZERO),
+            false => layers.swap_remove(0),
+        };
+        Bsdf {
+            n_geo: at.n_geo,
+            first,
+            rest: layers,
+        }
     }
 
     /// f(wo, wi) |cos(n_shade, wi)|, Dirac lobes excluded.
@@ -133,6 +168,11 @@ impl Bsdf {
 
     /// Draws a direction. `u_lobe` chooses the lobe, `u` the direction within.
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, transport: Transport) -> Option<BsdfSample> {
+        if let (Lobe::Lambert(l), None, true) = (&self.first.lobe, self.first.perturbation, self.rest.is_empty())
+            && transport == Transport::Radiance
+        {
+            return self.first.sample_lambert(l, wo, u);
+        }
         let (layer, share, u_lobe) = self.choose(wo, u_lobe)?;
         let (s, wi, factor) = layer.sample(self.n_geo, wo, u_lobe, u, transport)?;
         let (weight, pdf_dir) = match s.dirac {
