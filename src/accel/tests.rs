@@ -292,3 +292,19 @@ fn long_stacks_and_balanced_trees_find_the_same() {
     }
     assert!(compared >= 98, "{compared}");
 }
+
+#[test]
+fn the_tree_does_not_depend_on_the_number_of_threads() {
+    let shapes = [soup(&mut Random(13), 60_000, 0.02)];
+    let build = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let tree = pool.install(|| build::build(&shapes));
+        let bits = |n: &layout::Node8| (n.bounds.map(|row| row.map(f32::to_bits)), n.children);
+        let nodes: Vec<_> = tree.nodes.iter().map(bits).collect();
+        let prims: Vec<_> = tree.tris.iter().map(|t| t.prim).collect();
+        (nodes, prims)
+    };
+    let one = build(1);
+    assert!(one.0.len() > 1000);
+    assert!(one == build(2) && one == build(7));
+}
