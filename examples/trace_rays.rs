@@ -8,11 +8,11 @@
 //! find the same hits.
 
 use dualux::accel::{Accel, Hit, Ray, Simd};
+use dualux::formats::ply;
 use dualux::math::Vec3;
 use dualux::scene::mesh::{Mesh, MeshData};
 use dualux::scene::{Geometry, Shape};
 use std::error::Error;
-use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -39,7 +39,7 @@ fn main() -> ExitCode {
 }
 
 fn run(mesh: &Path, rays: &Path, hits: Option<&Path>, simd: Simd) -> Result<(), Box<dyn Error>> {
-    let shape = shape(read_ply(mesh).map_err(|e| format!("{}: {e}", mesh.display()))?);
+    let shape = shape(ply::read(mesh, false)?);
     let rays = read_rays(rays).map_err(|e| format!("{}: {e}", rays.display()))?;
 
     let start = Instant::now();
@@ -115,35 +115,4 @@ fn read_rays(path: &Path) -> Result<Vec<Ray>, Box<dyn Error>> {
         Ray { o: Vec3::new(f(0), f(1), f(2)), d: Vec3::new(f(3), f(4), f(5)), tmin: f(6), tmax: f(7) }
     };
     Ok(bytes.chunks_exact(32).map(ray).collect())
-}
-
-/// Binary little-endian PLY with float positions first and triangles as lists of ints.
-fn read_ply(path: &Path) -> Result<MeshData, Box<dyn Error>> {
-    let mut file = std::io::BufReader::new(std::fs::File::open(path)?);
-    let (mut vertices, mut faces, mut line) = (0usize, 0usize, String::new());
-    while line.trim() != "end_header" {
-        line.clear();
-        if file.read_line(&mut line)? == 0 {
-            return Err("no end_header".into());
-        }
-        if let Some(n) = line.strip_prefix("element vertex ") {
-            vertices = n.trim().parse()?;
-        } else if let Some(n) = line.strip_prefix("element face ") {
-            faces = n.trim().parse()?;
-        }
-    }
-    let mut body = Vec::new();
-    file.read_to_end(&mut body)?;
-    if body.len() != vertices * 12 + faces * 13 {
-        return Err("expected vertices of three floats and faces of uchar and three ints".into());
-    }
-    let word = |at: usize| [0, 1, 2, 3].map(|k| body[at + k]);
-    let float = |at: usize| f32::from_le_bytes(word(at));
-    let vertex = |i: usize| Vec3::new(float(12 * i), float(12 * i + 4), float(12 * i + 8));
-    let index = |i: usize, k: usize| u32::from_le_bytes(word(12 * vertices + 13 * i + 1 + 4 * k));
-    Ok(MeshData {
-        positions: (0..vertices).map(vertex).collect(),
-        triangles: (0..faces).map(|i| [0, 1, 2].map(|k| index(i, k))).collect(),
-        ..Default::default()
-    })
 }

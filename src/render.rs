@@ -149,7 +149,7 @@ pub fn render(
     let job = Job { scene, integrator, filter: FilterSampler::new(scene.film.filter), seed: settings.seed };
     let mut tiles = make_tiles(window, settings.features);
     let over = || stop.load(Ordering::Relaxed) || settings.deadline.is_some_and(|d| Instant::now() >= d);
-    let coarse = |x: u32, y: u32| x % COARSE_BLOCK == 0 && y % COARSE_BLOCK == 0;
+    let coarse = |x: u32, y: u32| x.is_multiple_of(COARSE_BLOCK) && y.is_multiple_of(COARSE_BLOCK);
 
     tiles.par_iter_mut().for_each(|tile| job.run(tile, window, 0, coarse));
     let mut passes = 0;

@@ -31,7 +31,7 @@
 //!
 //! # Conventions
 //!
-//! Directions are not normalised. A footprint is [-1,1]^N, so derivatives are by half its width. Dual and plain instances
+//! Directions are not normalised. A footprint is `[-1,1]`^N, so derivatives are by half its width. Dual and plain instances
 //! give the same values to the last bit. No function panics on any finite or non-finite input; where a derivative does not exist
 //! (a grazing ray) tests answer "edge", never "clear".
 //!

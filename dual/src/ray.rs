@@ -1,6 +1,6 @@
 //! Rays and affine ray families.
 //!
-//! A **family** is r(p) = o(p) + t d(p) with p in the footprint [-1,1]^N and o, d affine in p:
+//! A **family** is r(p) = o(p) + t d(p) with p in the footprint `[-1,1]`^N and o, d affine in p:
 //! `o(p) = o + sum p_k o_k`, `d(p) = d + sum p_k d_k`. |p_k| = 1 is the footprint's border, so `d_k` is *half* the footprint's
 //! extent (a pixel of full width h in p has h = 2). Directions stay unnormalised: normalising would spoil the polynomial degree on
 //! which the exactness of the margins rests. Any r(p) is a ray one can trace: [`Family::at`].
@@ -101,7 +101,7 @@ impl<F: Scalar, const N: usize> Family<F, N> {
         Ray { o, d }
     }
 
-    /// The sub-footprint around `centre` with the given half widths, itself a family on [-1,1]^N.
+    /// The sub-footprint around `centre` with the given half widths, itself a family on `[-1,1]`^N.
     ///
     /// ```
     /// use dualux_dual::{Family, vec3};

@@ -15,7 +15,7 @@ impl Random {
         unit_f32(hash(0x5eed, self.0))
     }
 
-    /// Uniform in the cube [-1,1]^3.
+    /// Uniform in the cube `[-1,1]^3`.
     pub fn cube(&mut self) -> Vec3 {
         Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - Vec3::ONE
     }
@@ -36,7 +36,7 @@ pub(super) fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Shape {
     }))
 }
 
-/// `count` separate triangles of size up to `size` in the cube [-1,1]^3.
+/// `count` separate triangles of size up to `size` in the cube `[-1,1]^3`.
 pub(super) fn soup(random: &mut Random, count: u32, size: f32) -> Shape {
     let mut positions = Vec::new();
     for _ in 0..count {
@@ -46,7 +46,7 @@ pub(super) fn soup(random: &mut Random, count: u32, size: f32) -> Shape {
     mesh(positions, (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
 }
 
-/// All kinds of shapes in the cube [-1,1]^3, a bit over 300 primitives.
+/// All kinds of shapes in the cube `[-1,1]^3`, a bit over 300 primitives.
 fn mixed(random: &mut Random) -> Vec<Shape> {
     let mut shapes = vec![soup(random, 200, 0.3)];
     for i in 0..100 {
@@ -62,13 +62,17 @@ fn mixed(random: &mut Random) -> Vec<Shape> {
             }),
             1 => Geometry::Rectangle(Rectangle { center, ex, ey: other, n }),
             2 => Geometry::Disk(Disk { center, ex, ey: other, n }),
-            _ => Geometry::Cylinder(Cylinder {
-                p0: center,
-                axis: other * 2.0,
-                radius: 0.02 + 0.1 * random.unit(),
-                flip: false,
-                reference: other.any_orthonormal_vector(),
-            }),
+            _ => {
+                let reference = other.any_orthonormal_vector();
+                Geometry::Cylinder(Cylinder {
+                    p0: center,
+                    axis: other * 2.0,
+                    radius: 0.02 + 0.1 * random.unit(),
+                    flip: false,
+                    reference,
+                    binormal: other.normalize().cross(reference),
+                })
+            }
         }));
     }
     shapes
@@ -263,28 +267,17 @@ fn long_stacks_and_balanced_trees_find_the_same() {
     let shapes = [soup(&mut random, 20_000, 1.5)];
     let accel = Accel::new(&shapes);
     assert!(accel.tree.stack_need > 40, "{}", accel.tree.stack_need);
-    let balanced = |depth| Accel {
-        tree: build::build_with(&shapes, depth),
-        avx2: Avx2::detect(),
-    };
+    let balanced = |depth| Accel { tree: build::build_with(&shapes, depth), avx2: Avx2::detect() };
     let others = [balanced(0), balanced(3), Accel::with_simd(&shapes, Simd::Portable)];
     let mut compared = 0;
     for i in 0..400 {
         let mut ray = random_ray(&mut random);
         if i % 2 == 0 {
             // Beyond everything: the whole line is searched.
-            ray = Ray {
-                tmin: 1e-3,
-                d: ray.d * 1e-4,
-                ..ray
-            };
+            ray = Ray { tmin: 1e-3, d: ray.d * 1e-4, ..ray };
         }
         let hit = accel.closest(&ray);
-        assert!(
-            others
-                .iter()
-                .all(|a| a.closest(&ray) == hit && a.occluded(&ray) == hit.is_some())
-        );
+        assert!(others.iter().all(|a| a.closest(&ray) == hit && a.occluded(&ray) == hit.is_some()));
         if i < 100 {
             let truth = brute_force(&shapes, &ray);
             compared += (truth.map(|t| t.2) == hit.map(|h| h.prim)) as usize;

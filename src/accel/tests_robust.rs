@@ -36,7 +36,7 @@ fn ball(rings: u32, amplitude: f32, scale: f32, center: Vec3) -> Shape {
     mesh(positions, triangles)
 }
 
-/// The cube [-1,1]^3 (scaled, moved), each side a grid of n x n quads that share their vertices' positions.
+/// The cube `[-1,1]^3` (scaled, moved), each side a grid of n x n quads that share their vertices' positions.
 fn cube(n: u32, scale: f32, center: Vec3) -> Shape {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for side in 0..6 {

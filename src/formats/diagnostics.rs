@@ -59,11 +59,7 @@ impl Diagnostic {
         }
         let column = text[start..offset].chars().count() + 1;
         let line = text[start..end].trim_end_matches('\r');
-        let skipped = if line.len() > LONG_LINE {
-            column.saturating_sub(LONG_LINE / 4)
-        } else {
-            0
-        };
+        let skipped = if line.len() > LONG_LINE { column.saturating_sub(LONG_LINE / 4) } else { 0 };
         Self {
             file,
             line: before.bytes().filter(|&b| b == b'\n').count() + 1,

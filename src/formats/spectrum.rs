@@ -179,17 +179,9 @@ mod tests {
         let lamp = [(400.0, 0.0), (500.0, 8.0), (600.0, 15.6), (700.0, 18.4)];
         close(list_to_rgb(&lamp, Usage::Emission), [20.7108, 10.8546, 2.77115], 2e-4);
         let light = [(400.0, 0.78), (500.0, 0.78), (600.0, 0.78), (700.0, 0.78)];
-        close(
-            list_to_rgb(&light, Usage::Reflectance),
-            [0.776368, 0.779809, 0.776029],
-            2e-4,
-        );
+        close(list_to_rgb(&light, Usage::Reflectance), [0.776368, 0.779809, 0.776029], 2e-4);
         let constant = [(400.0, 1.0), (700.0, 2.0)];
-        close(
-            list_to_rgb(&constant, Usage::Constant),
-            [1.79949, 1.47621, 1.13095],
-            2e-4,
-        );
+        close(list_to_rgb(&constant, Usage::Constant), [1.79949, 1.47621, 1.13095], 2e-4);
         close(list_to_rgb(&constant, Usage::Emission), [2.14, 1.40424, 1.01714], 2e-4);
         // A deliberately different illuminant must not pass: the tolerance is meaningful.
         let wrong = list_to_rgb(&half, Usage::Emission);

@@ -234,8 +234,7 @@ impl Integrator for Path<'_> {
 
             if depth >= self.settings.rr_depth {
                 let survival = (throughput.max_element() * eta * eta).min(MAX_SURVIVAL);
-                // Written so that a NaN ends the path.
-                if !(u_roulette < survival) {
+                if u_roulette >= survival {
                     break;
                 }
                 throughput /= survival;

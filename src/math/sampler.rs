@@ -97,7 +97,7 @@ mod tests {
         for (group, tolerance) in [(0, 1e-3), (SOBOL_GROUPS + 2, 5.0 * 0.2887 / 64.0)] {
             let value = |i| {
                 let mut s = Sampler::new(5, 7, i);
-                (0..group).for_each(|_| drop(s.next_4d()));
+                (0..group).for_each(|_| _ = s.next_4d());
                 s.next_4d()
             };
             let sum = (0..4096).map(value).fold([0.0; 4], |a, b| std::array::from_fn(|k| a[k] + f64::from(b[k])));

@@ -231,11 +231,7 @@ mod tests {
         assert!(chi_square_p(&o, &e, 5.0) < 1e-6);
         assert_eq!(chi_square_p(&[1.0, 9.0, 9.0], &[0.0, 9.0, 9.0], 5.0), 0.0);
         assert_eq!(chi_square_p(&[f64::NAN, 9.0], &[9.0, 9.0], 5.0), 0.0);
-        assert_eq!(
-            chi_square_p(&[1.0, 2.0], &[2.0, 1.0], 5.0),
-            1.0,
-            "too few samples say nothing"
-        );
+        assert_eq!(chi_square_p(&[1.0, 2.0], &[2.0, 1.0], 5.0), 1.0, "too few samples say nothing");
         assert_eq!(chi_square_p(&[], &[], 5.0), 1.0);
     }
 }

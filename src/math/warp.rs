@@ -12,7 +12,7 @@
 //! | cone around +z | per solid angle, 1/(2 pi (1 - cos_max)) | z uniform in [cos_max, 1] |
 //! | triangle | in (b, c) barycentrics, 2 | fold-free square map, Heitz 2019, "A Low-Distortion Map Between Triangle and Square" |
 //!
-//! Not handled: values outside [0,1]^2 and arguments outside the target (inverses clamp to the square).
+//! Not handled: values outside `[0,1]^2` and arguments outside the target (inverses clamp to the square).
 
 use super::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_4, PI, TAU};
@@ -122,29 +122,17 @@ pub fn sample_triangle(u: Vec2) -> Vec2 {
 /// Density of [`sample_triangle`] per area of the plane of barycentrics (b, c): 2 inside, 0 outside. Divide by twice
 /// the area of a triangle for the density per its own area.
 pub fn pdf_triangle(b: Vec2) -> f32 {
-    if b.min_element() >= 0.0 && b.x + b.y <= 1.0 {
-        2.0
-    } else {
-        0.0
-    }
+    if b.min_element() >= 0.0 && b.x + b.y <= 1.0 { 2.0 } else { 0.0 }
 }
 
 /// The numbers that [`sample_triangle`] maps to the barycentrics `b`.
 pub fn invert_triangle(b: Vec2) -> Vec2 {
-    to_square(if b.x < b.y {
-        Vec2::new(2.0 * b.x, b.x + b.y)
-    } else {
-        Vec2::new(b.x + b.y, 2.0 * b.y)
-    })
+    to_square(if b.x < b.y { Vec2::new(2.0 * b.x, b.x + b.y) } else { Vec2::new(b.x + b.y, 2.0 * b.y) })
 }
 
 /// 1 - z of a unit vector, without cancellation near +z.
 fn one_minus_z(w: Vec3) -> f32 {
-    if w.z > 0.0 {
-        w.truncate().length_squared() / (1.0 + w.z)
-    } else {
-        1.0 - w.z
-    }
+    if w.z > 0.0 { w.truncate().length_squared() / (1.0 + w.z) } else { 1.0 - w.z }
 }
 
 /// Azimuth over 2 pi, in [0, 1].
@@ -205,27 +193,14 @@ mod tests {
         let height = |w: Vec3| Vec2::new(1.0 - w.z, azimuth(w.truncate()));
         let cone = 0.3f32;
         let tests = [
-            fit(numbers(1).map(|u| polar(sample_disk(u))), square.0, square.1, |q| {
-                PI * pdf_disk(at(q))
+            fit(numbers(1).map(|u| polar(sample_disk(u))), square.0, square.1, |q| PI * pdf_disk(at(q))),
+            fit(numbers(2).map(|u| height(sample_cosine_hemisphere(u))), square.0, square.1, |q| {
+                TAU * pdf_cosine_hemisphere(Vec3::new(0.0, 0.0, 1.0 - q.x))
             }),
-            fit(
-                numbers(2).map(|u| height(sample_cosine_hemisphere(u))),
-                square.0,
-                square.1,
-                |q| TAU * pdf_cosine_hemisphere(Vec3::new(0.0, 0.0, 1.0 - q.x)),
-            ),
-            fit(
-                numbers(3).map(|u| height(sample_sphere(u))),
-                square.0,
-                Vec2::new(2.0, 1.0),
-                |_| TAU * pdf_sphere(),
-            ),
-            fit(
-                numbers(4).map(|u| height(sample_cone(u, cone))),
-                square.0,
-                Vec2::new(cone, 1.0),
-                |_| TAU * pdf_cone(cone),
-            ),
+            fit(numbers(3).map(|u| height(sample_sphere(u))), square.0, Vec2::new(2.0, 1.0), |_| TAU * pdf_sphere()),
+            fit(numbers(4).map(|u| height(sample_cone(u, cone))), square.0, Vec2::new(cone, 1.0), |_| {
+                TAU * pdf_cone(cone)
+            }),
             // The triangle as a square, by shear: b = q.x (1 - c).
             fit(numbers(5).map(|u| shear(sample_triangle(u))), square.0, square.1, |q| {
                 pdf_triangle(Vec2::new(q.x * (1.0 - q.y), q.y)) * (1.0 - q.y)
@@ -237,33 +212,21 @@ mod tests {
         // The companions: plausible mistakes must be noticed.
         let wrong = [
             // Radius uniform instead of its square.
-            fit(
-                numbers(6).map(|u| polar(u.x * Vec2::from_angle(TAU * u.y))),
-                square.0,
-                square.1,
-                |q| PI * pdf_disk(at(q)),
-            ),
+            fit(numbers(6).map(|u| polar(u.x * Vec2::from_angle(TAU * u.y))), square.0, square.1, |q| {
+                PI * pdf_disk(at(q))
+            }),
             // Uniform hemisphere taken for the cosine one.
-            fit(
-                numbers(7).map(|u| height(sample_cone(u, 1.0))),
-                square.0,
-                square.1,
-                |q| TAU * pdf_cosine_hemisphere(Vec3::new(0.0, 0.0, 1.0 - q.x)),
-            ),
+            fit(numbers(7).map(|u| height(sample_cone(u, 1.0))), square.0, square.1, |q| {
+                TAU * pdf_cosine_hemisphere(Vec3::new(0.0, 0.0, 1.0 - q.x))
+            }),
             // A cone three percent too wide.
-            fit(
-                numbers(8).map(|u| height(sample_cone(u, 1.03 * cone))),
-                square.0,
-                Vec2::new(cone, 1.0),
-                |_| TAU * pdf_cone(cone),
-            ),
+            fit(numbers(8).map(|u| height(sample_cone(u, 1.03 * cone))), square.0, Vec2::new(cone, 1.0), |_| {
+                TAU * pdf_cone(cone)
+            }),
             // Triangle: barycentrics (u, v (1 - u)).
-            fit(
-                numbers(9).map(|u| shear(Vec2::new(u.x, u.y * (1.0 - u.x)))),
-                square.0,
-                square.1,
-                |q| pdf_triangle(Vec2::new(q.x * (1.0 - q.y), q.y)) * (1.0 - q.y),
-            ),
+            fit(numbers(9).map(|u| shear(Vec2::new(u.x, u.y * (1.0 - u.x)))), square.0, square.1, |q| {
+                pdf_triangle(Vec2::new(q.x * (1.0 - q.y), q.y)) * (1.0 - q.y)
+            }),
         ];
         assert!(wrong.iter().all(|&p| p < 1e-6), "{wrong:?}");
     }
@@ -278,10 +241,7 @@ mod tests {
         for u in numbers(10).take(20_000) {
             let close = |v: Vec2, tolerance: f32| (v - u).abs().max_element() < tolerance;
             assert!(close(invert_disk(sample_disk(u)), 1e-5), "{u}");
-            assert!(
-                close(invert_cosine_hemisphere(sample_cosine_hemisphere(u)), 1e-5),
-                "{u}"
-            );
+            assert!(close(invert_cosine_hemisphere(sample_cosine_hemisphere(u)), 1e-5), "{u}");
             assert!(close(invert_sphere(sample_sphere(u)), 1e-5), "{u}");
             assert!(close(invert_triangle(sample_triangle(u)), 1e-5), "{u}");
             for cone in [2.0, 0.5, 1e-4, 1e-9] {

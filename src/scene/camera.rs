@@ -50,9 +50,7 @@ impl Camera {
         }
         let [near, far] = [desc.near_clip, desc.far_clip];
         if !(near >= 0.0 && far > near) {
-            return Err(format!(
-                "clip distances must satisfy 0 <= near < far, found {near} and {far}"
-            ));
+            return Err(format!("clip distances must satisfy 0 <= near < far, found {near} and {far}"));
         }
         let mut axes = columns(&desc.to_world)?;
         let inverse_of = desc.to_world.inverse();
@@ -64,9 +62,7 @@ impl Camera {
         {
             if !(x_fov > 0.0 && x_fov < PI) {
                 let deg = x_fov.to_degrees();
-                return Err(format!(
-                    "the field of view must lie between 0 and 180 degrees, found {deg}"
-                ));
+                return Err(format!("the field of view must lie between 0 and 180 degrees, found {deg}"));
             }
             if !principal_point_offset.iter().all(|x| x.is_finite()) {
                 return Err("the principal point must be finite".into());
@@ -89,10 +85,7 @@ impl Camera {
             origin: desc.to_world.w_axis.truncate(),
             axes,
             inverse,
-            step: [
-                -2.0 * half / film.width as f64,
-                -2.0 * half / aspect / film.height as f64,
-            ],
+            step: [-2.0 * half / film.width as f64, -2.0 * half / aspect / film.height as f64],
             start: [half * (1.0 - 2.0 * shift[0]), half / aspect * (1.0 - 2.0 * shift[1])],
             lens,
             orthographic,
@@ -102,11 +95,7 @@ impl Camera {
 
     /// The ray through film position `film` (pixels of the full image, (0,0) top left) from lens sample `u_lens`.
     pub fn ray(&self, film: Vec2, u_lens: Vec2) -> CameraRay {
-        let lens = if self.lens.is_some() {
-            sample_disk(u_lens)
-        } else {
-            Vec2::ZERO
-        };
+        let lens = if self.lens.is_some() { sample_disk(u_lens) } else { Vec2::ZERO };
         self.ray_from_lens(film, lens)
     }
 
@@ -147,11 +136,7 @@ impl Camera {
     pub fn project(&self, p: Vec3) -> Option<Vec2> {
         let q = p.as_dvec3() - self.origin;
         let [x, y, z] = self.inverse.map(|row| row.dot(q));
-        let depth = if self.orthographic {
-            z * self.axes[2].length()
-        } else {
-            z
-        };
+        let depth = if self.orthographic { z * self.axes[2].length() } else { z };
         if !(depth > 0.0 && depth >= self.clip[0] && depth <= self.clip[1]) {
             return None;
         }

@@ -66,7 +66,7 @@ pub enum Projection {
         /// Depth along +z of the plane in focus (used with a lens only).
         focus_distance: f64,
     },
-    /// Parallel projection of the square [-1,1] (x by width; y scaled by the aspect ratio) along +z.
+    /// Parallel projection of the square `[-1,1]` (x by width; y scaled by the aspect ratio) along +z.
     Orthographic,
 }
 
@@ -147,9 +147,9 @@ pub struct ShapeDesc {
 /// Geometry in object space.
 #[derive(Clone, Debug)]
 pub enum GeometryDesc {
-    /// The square [-1,1]^2 at z = 0, normal +z, uv (0,0) at (-1,-1).
+    /// The square `[-1,1]^2` at z = 0, normal +z, uv (0,0) at (-1,-1).
     Rectangle,
-    /// The cube [-1,1]^3, uv [0,1]^2 on each face.
+    /// The cube `[-1,1]^3`, uv `[0,1]^2` on each face.
     Cube,
     /// A sphere; uv pole +z, u = 0 at +x.
     Sphere {

@@ -1,4 +1,4 @@
-//! The interval test: can the expansion vanish anywhere in [-1,1]^N?
+//! The interval test: can the expansion vanish anywhere in `[-1,1]`^N?
 //!
 //! First order: the range of `m0 + g . p` is `m0 +- sum |g_k|`, attained at corners; in any N it is exact.
 //! Second order, N = 2: minimum and maximum of a quadratic over a square are attained at a corner, at the vertex of the parabola
@@ -11,7 +11,7 @@
 use super::Expansion;
 use crate::real::Scalar;
 
-/// Smallest and largest value of the expansion over [-1,1]^N (see the module docs for where it is tight).
+/// Smallest and largest value of the expansion over `[-1,1]`^N (see the module docs for where it is tight).
 pub fn range<F: Scalar, const N: usize>(m: &Expansion<F, N>) -> (F, F) {
     if m.order < 2 {
         let r = m.gradient.iter().fold(F::zero(), |s, g| s + g.abs());

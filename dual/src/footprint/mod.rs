@@ -1,4 +1,4 @@
-//! Footprint tests: may a margin, known by its expansion at the centre, change sign inside the footprint [-1,1]^N?
+//! Footprint tests: may a margin, known by its expansion at the centre, change sign inside the footprint `[-1,1]`^N?
 //!
 //! * [`corners`]: the source paper's test. Predict the sign at a few neighbours (a photon's 4 corners, a light's 8 points, a
 //!   pixel's 4 or 8 neighbours) and compare with the centre. What lies between the neighbours is not seen.

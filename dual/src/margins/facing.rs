@@ -20,7 +20,7 @@ pub fn is_silhouette<F: Scalar>(o: Vec3<F>, x: Vec3<F>, n1: Vec3<F>, n2: Vec3<F>
     (n1.dot(v) > F::zero()) != (n2.dot(v) > F::zero())
 }
 
-/// The same for a whole range of origins `o + sum p_k o_k`, p in [-1,1]^N: false only if the edge is a silhouette from none.
+/// The same for a whole range of origins `o + sum p_k o_k`, p in `[-1,1]`^N: false only if the edge is a silhouette from none.
 ///
 /// Conservative: each face's turning is a linear condition whose range over the origins is known exactly; that
 /// "towards" for one face and "away" for the other occur at the *same* origin is not checked.

@@ -1,4 +1,4 @@
-//! Rectangle, or any parallelogram: `c + u e1 + v e2`, u and v in [-1,1].
+//! Rectangle, or any parallelogram: `c + u e1 + v e2`, u and v in `[-1,1]`.
 //!
 //! Hit or miss by the determinants of its four edges, like [`super::Triangle`].
 
@@ -63,7 +63,7 @@ impl<F: Scalar> Rectangle<F> {
         self.plane().t(ray)
     }
 
-    /// Coordinates (u, v) of a point of the plane; inside is [-1,1]^2.
+    /// Coordinates (u, v) of a point of the plane; inside is `[-1,1]^2`.
     #[inline(always)]
     pub fn uv<T: Real<Primitive = F>>(&self, p: Vec3<T>) -> [T; 2] {
         let n = self.area_normal();

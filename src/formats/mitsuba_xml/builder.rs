@@ -219,11 +219,7 @@ impl<'t> Builder<'t> {
         for pending in &self.pending {
             users[pending.file] -= 1;
             let mesh = &mut meshes[pending.file];
-            let mut mesh = if users[pending.file] == 0 {
-                std::mem::take(mesh)
-            } else {
-                mesh.clone()
-            };
+            let mut mesh = if users[pending.file] == 0 { std::mem::take(mesh) } else { mesh.clone() };
             // The file may ask for facets by itself (`serialized` does).
             mesh.face_normals |= pending.face_normals;
             mesh.max_smooth_angle = pending.max_smooth_angle;

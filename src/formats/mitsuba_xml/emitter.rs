@@ -102,23 +102,11 @@ fn intensity(b: &mut Builder, props: &Props, name: &'static str) -> Checked<Rgb>
 fn spot(b: &mut Builder, props: &Props) -> Checked<LightDesc> {
     let cutoff = props.float_or("cutoff_angle", 20.0)?;
     let beam = props.float_or("beam_width", cutoff * 0.75)?;
-    props.check(
-        cutoff > 0.0 && cutoff <= 180.0,
-        "cutoff_angle",
-        "must lie between 0 and 180 degrees",
-    )?;
-    props.check(
-        (0.0..=cutoff).contains(&beam),
-        "beam_width",
-        "must lie between 0 and cutoff_angle",
-    )?;
+    props.check(cutoff > 0.0 && cutoff <= 180.0, "cutoff_angle", "must lie between 0 and 180 degrees")?;
+    props.check((0.0..=cutoff).contains(&beam), "beam_width", "must lie between 0 and cutoff_angle")?;
     let texture = match color(b, props, "texture", 1.0, Usage::Emission)? {
         Color::Texture(id) => {
-            props.check(
-                cutoff < 90.0,
-                "cutoff_angle",
-                "of a textured spot must be below 90 degrees",
-            )?;
+            props.check(cutoff < 90.0, "cutoff_angle", "of a textured spot must be below 90 degrees")?;
             Some(id)
         }
         Color::Constant(_) => None,

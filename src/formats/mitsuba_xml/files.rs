@@ -69,15 +69,8 @@ fn decode(bytes: Vec<u8>) -> String {
     };
     if let Some(little) = little {
         let pairs = bytes[2..].chunks_exact(2).map(|p| [p[0], p[1]]);
-        let units: Vec<u16> = pairs
-            .map(|p| {
-                if little {
-                    u16::from_le_bytes(p)
-                } else {
-                    u16::from_be_bytes(p)
-                }
-            })
-            .collect();
+        let units: Vec<u16> =
+            pairs.map(|p| if little { u16::from_le_bytes(p) } else { u16::from_be_bytes(p) }).collect();
         return String::from_utf16_lossy(&units);
     }
     match String::from_utf8(bytes) {

@@ -79,9 +79,7 @@ fn xml_error(report: &Report, source: u32, text: &str, error: &roxmltree::Error)
     let start = line_start + inside;
     // The position is said once, in front of the message.
     let message = error.to_string();
-    let message = message
-        .strip_suffix(&format!(" at {}:{}", pos.row, pos.col))
-        .unwrap_or(&message);
+    let message = message.strip_suffix(&format!(" at {}:{}", pos.row, pos.col)).unwrap_or(&message);
     report.error(loc_of(source, start..start + 1), format!("XML: {message}"))
 }
 
@@ -116,10 +114,7 @@ pub fn parse(path: &Path, text: Rc<str>, defines: &[(String, String)], report: &
 impl Parser<'_> {
     /// Reads one file into the object `parent`; `name` replaces the name of an only object in it.
     fn file(&mut self, source: u32, text: &str, parent: ObjectId, name: Option<String>) -> Checked<()> {
-        let options = roxmltree::ParsingOptions {
-            nodes_limit: NODE_LIMIT,
-            ..roxmltree::ParsingOptions::default()
-        };
+        let options = roxmltree::ParsingOptions { nodes_limit: NODE_LIMIT, ..roxmltree::ParsingOptions::default() };
         let document = roxmltree::Document::parse_with_options(text, options)
             .map_err(|e| xml_error(self.report, source, text, &e))?;
         let root = document.root_element();

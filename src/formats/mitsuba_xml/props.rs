@@ -198,9 +198,7 @@ impl<'t> Props<'t> {
     pub fn reopen(&self, tags: &[&str]) {
         for child in &self.object.children {
             let tag = self.resolve(child).map(|id| self.tree.objects[id].tag.as_str());
-            child
-                .used
-                .set(child.used.get() && !tag.is_some_and(|tag| tags.contains(&tag)));
+            child.used.set(child.used.get() && !tag.is_some_and(|tag| tags.contains(&tag)));
         }
     }
 

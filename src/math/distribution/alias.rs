@@ -67,11 +67,7 @@ impl AliasTable {
         let scaled = u * self.bins.len() as f64;
         let i = (scaled as usize).min(self.bins.len().checked_sub(1)?);
         let bin = self.bins[i];
-        Some(if scaled - (i as f64) < bin.accept as f64 {
-            i
-        } else {
-            bin.alias as usize
-        })
+        Some(if scaled - (i as f64) < bin.accept as f64 { i } else { bin.alias as usize })
     }
 }
 
@@ -92,9 +88,7 @@ mod tests {
 
     #[test]
     fn frequencies_follow_the_weights_and_pmf_says_so() {
-        let weights: Vec<f64> = (0..500)
-            .map(|i| unit_f32(hash(1, i)).powi(6) as f64 * 1e-3 + 1e-6)
-            .collect();
+        let weights: Vec<f64> = (0..500).map(|i| unit_f32(hash(1, i)).powi(6) as f64 * 1e-3 + 1e-6).collect();
         let table = AliasTable::new(&weights);
         let sum: f64 = weights.iter().sum();
         for (i, w) in weights.iter().enumerate() {
@@ -129,10 +123,7 @@ mod tests {
     fn degenerate_weights() {
         assert!(AliasTable::new(&[]).sample(0.5).is_none());
         let one = AliasTable::new(&[3.0]);
-        assert_eq!(
-            (one.sample(0.0), one.sample(0.999_999_99), one.pmf(0)),
-            (Some(0), Some(0), 1.0)
-        );
+        assert_eq!((one.sample(0.0), one.sample(0.999_999_99), one.pmf(0)), (Some(0), Some(0), 1.0));
         let zero = AliasTable::new(&[0.0, 0.0, f64::NAN, -1.0]);
         assert_eq!(zero.pmf(3), 0.25);
         let holes = AliasTable::new(&[0.0, 1e300, 0.0, 1e300, f64::INFINITY]);

@@ -1,4 +1,4 @@
-//! Piecewise-constant densities over [0,1] and [0,1]^2 by inverse CDF.
+//! Piecewise-constant densities over `[0,1]` and `[0,1]^2` by inverse CDF.
 //!
 //! Measure: `pdf` is per unit length or area of the unit interval or square; `pmf` is the probability of a cell.
 //! Both are differences of the table that `sample` inverts, so a cell whose difference has rounded to 0 is never drawn
@@ -20,11 +20,7 @@ fn fill_cdf(values: &[f32], cdf: &mut [f32]) -> f64 {
     let mut run = 0.0;
     cdf[0] = 0.0;
     for (i, &v) in values.iter().enumerate() {
-        run += if sum > 0.0 {
-            clean(v) / sum
-        } else {
-            1.0 / values.len() as f64
-        };
+        run += if sum > 0.0 { clean(v) / sum } else { 1.0 / values.len() as f64 };
         cdf[i + 1] = (run as f32).min(1.0);
     }
     // From the last cell of any weight on it is 1 exactly: u = 1 - 2^-24 must not land in an empty cell.
@@ -197,9 +193,7 @@ mod tests {
     use crate::math::sampler::{Sampler, hash, unit_f32};
 
     fn values(n: u64) -> Vec<f32> {
-        (0..n)
-            .map(|i| if i % 7 == 3 { 0.0 } else { unit_f32(hash(5, i)).powi(3) })
-            .collect()
+        (0..n).map(|i| if i % 7 == 3 { 0.0 } else { unit_f32(hash(5, i)).powi(3) }).collect()
     }
 
     #[test]

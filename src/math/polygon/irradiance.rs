@@ -10,11 +10,7 @@ use crate::math::DVec3;
 fn edge(a: DVec3, b: DVec3) -> DVec3 {
     let cross = a.cross(b);
     let len = cross.length();
-    if len > 0.0 {
-        cross * (len.atan2(a.dot(b)) / len)
-    } else {
-        DVec3::ZERO
-    }
+    if len > 0.0 { cross * (len.atan2(a.dot(b)) / len) } else { DVec3::ZERO }
 }
 
 /// Irradiance at the origin, on a plane with the unit normal `n`, from a planar polygon of radiance 1 that
@@ -33,9 +29,7 @@ pub fn irradiance(vertices: &[DVec3], n: DVec3) -> f64 {
         }
     }
     let count = clipped.len();
-    let sum: f64 = (0..count)
-        .map(|i| edge(clipped[i], clipped[(i + 1) % count]).dot(n))
-        .sum();
+    let sum: f64 = (0..count).map(|i| edge(clipped[i], clipped[(i + 1) % count]).dot(n)).sum();
     0.5 * sum.abs()
 }
 

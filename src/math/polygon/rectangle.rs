@@ -50,16 +50,12 @@ fn solid_angle(x: [f64; 2], y: [f64; 2], z: f64) -> (f64, [f64; 2]) {
 }
 
 impl RectangleFrame {
-    /// The rectangle center + x ex + y ey, x and y in [-1,1]; `ex` and `ey` must be orthogonal. `None` if an edge has no
+    /// The rectangle center + x ex + y ey, x and y in `[-1,1]`; `ex` and `ey` must be orthogonal. `None` if an edge has no
     /// length.
     pub fn new(center: DVec3, ex: DVec3, ey: DVec3) -> Option<Self> {
         let half = [ex.length(), ey.length()];
         let (ax, ay) = (ex / half[0], ey / half[1]);
-        (ax.is_finite() && ay.is_finite()).then_some(RectangleFrame {
-            center,
-            axes: [ax, ay, ax.cross(ay)],
-            half,
-        })
+        (ax.is_finite() && ay.is_finite()).then_some(RectangleFrame { center, axes: [ax, ay, ax.cross(ay)], half })
     }
 
     /// The rectangle seen from the point `p`.
@@ -73,14 +69,7 @@ impl RectangleFrame {
         let [hx, hy] = self.half;
         let (x, y) = ([cx - hx, cx + hx], [cy - hy, cy + hy]);
         let (solid_angle, g23) = solid_angle(x, y, z);
-        SphericalRectangle {
-            axes: [ax, ay, az],
-            x,
-            y,
-            z,
-            solid_angle,
-            start: [g23[0], -g23[1]],
-        }
+        SphericalRectangle { axes: [ax, ay, az], x, y, z, solid_angle, start: [g23[0], -g23[1]] }
     }
 }
 

@@ -70,10 +70,7 @@ fn cell_p(cell: impl Fn(f64, f64) -> DVec3, total: f64, draw: impl Fn(u64) -> [f
         .map(|omega| omega / total * count as f64)
         .collect();
     let sum: f64 = expected.iter().sum();
-    assert!(
-        (sum / count as f64 - 1.0).abs() < 1e-5,
-        "cells make up the shape: {sum}"
-    );
+    assert!((sum / count as f64 - 1.0).abs() < 1e-5, "cells make up the shape: {sum}");
     chi_square_p(&observed, &expected, 5.0)
 }
 
@@ -93,20 +90,13 @@ fn rectangle_samples_are_uniform_in_solid_angle_and_invert() {
         for i in 0..200 {
             let u = uniform(k as u64, i);
             let v = s.invert(s.sample(u));
-            assert!(
-                (u[0] - v[0]).abs() < 1e-4 && (u[1] - v[1]).abs() < 1e-4,
-                "{k}: {u:?} {v:?}"
-            );
+            assert!((u[0] - v[0]).abs() < 1e-4 && (u[1] - v[1]).abs() < 1e-4, "{k}: {u:?} {v:?}");
         }
     }
     // Companion: uniform by area, from near, is told apart.
     let [c, ex, ey] = list[0];
     let omega = solid_angle(&corners(list[0]));
-    let p = cell_p(
-        |x, y| c + ex * (2.0 * x - 1.0) + ey * (2.0 * y - 1.0),
-        omega,
-        |i| uniform(9, i),
-    );
+    let p = cell_p(|x, y| c + ex * (2.0 * x - 1.0) + ey * (2.0 * y - 1.0), omega, |i| uniform(9, i));
     assert!(p < 1e-6);
 }
 
@@ -138,9 +128,7 @@ fn triangle_samples_are_uniform_in_solid_angle_and_invert() {
         let s = SphericalTriangle::new(a, b, c).unwrap();
         assert!((s.solid_angle() / solid_angle(&[a, b, c]) - 1.0).abs() < 3e-7);
         let cell = |x: f64, y: f64| a * (1.0 - x) + b * (x * (1.0 - y)) + c * (x * y);
-        let p = cell_p(cell, s.solid_angle(), |i| {
-            to_square(s.sample(uniform(k as u64, i)).barycentric)
-        });
+        let p = cell_p(cell, s.solid_angle(), |i| to_square(s.sample(uniform(k as u64, i)).barycentric));
         assert!(p > sidak(0.01, list.len()), "{k}: p = {p}");
         for i in 0..200 {
             let u = uniform(k as u64, i);
@@ -149,17 +137,9 @@ fn triangle_samples_are_uniform_in_solid_angle_and_invert() {
             assert!((p - q.position).length() < 1e-9 * p.length(), "{k}: {p} {q:?}");
             assert!((q.barycentric.element_sum() - 1.0).abs() < 1e-12 && q.barycentric.min_element() >= 0.0);
             let v = s.invert(q.position.normalize());
-            assert!(
-                (u[0] - v[0]).abs() < 1e-4 && (u[1] - v[1]).abs() < 1e-4,
-                "{k}: {u:?} {v:?}"
-            );
+            assert!((u[0] - v[0]).abs() < 1e-4 && (u[1] - v[1]).abs() < 1e-4, "{k}: {u:?} {v:?}");
         }
-        for u in [
-            [0.0, 0.0],
-            [1.0 - 1e-16, 1.0 - 1e-16],
-            [0.0, 1.0 - 1e-16],
-            [1.0 - 1e-16, 0.0],
-        ] {
+        for u in [[0.0, 0.0], [1.0 - 1e-16, 1.0 - 1e-16], [0.0, 1.0 - 1e-16], [1.0 - 1e-16, 0.0]] {
             assert!(s.sample(u).position.is_finite(), "{k}: {u:?}");
         }
     }
@@ -183,17 +163,8 @@ fn octant_has_half_pi_and_a_quarter_of_the_irradiance() {
 #[test]
 fn irradiance_agrees_with_integration_also_across_the_horizon() {
     let v = DVec3::new;
-    for r in rectangles()
-        .into_iter()
-        .take(2)
-        .chain([[v(0.3, 0.2, 0.4), v(0.0, 0.5, 0.9), v(0.9, 0.0, 0.0)]])
-    {
-        for n in [
-            v(0.0, 0.0, -1.0),
-            v(0.5, 0.5, 0.7).normalize(),
-            v(-0.6, 0.0, 0.8),
-            v(0.0, 0.0, 1.0),
-        ] {
+    for r in rectangles().into_iter().take(2).chain([[v(0.3, 0.2, 0.4), v(0.0, 0.5, 0.9), v(0.9, 0.0, 0.0)]]) {
+        for n in [v(0.0, 0.0, -1.0), v(0.5, 0.5, 0.7).normalize(), v(-0.6, 0.0, 0.8), v(0.0, 0.0, 1.0)] {
             let s = rectangle(r[0], r[1], r[2]);
             const N: usize = 400;
             let mut sum = 0.0;
@@ -203,10 +174,7 @@ fn irradiance_agrees_with_integration_also_across_the_horizon() {
             }
             let integral = sum / (N * N) as f64 * s.solid_angle();
             let closed = irradiance(&corners(r), n);
-            assert!(
-                (integral - closed).abs() < 2e-5 * s.solid_angle(),
-                "{r:?} {n}: {integral} {closed}"
-            );
+            assert!((integral - closed).abs() < 2e-5 * s.solid_angle(), "{r:?} {n}: {integral} {closed}");
         }
     }
 }

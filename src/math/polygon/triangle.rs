@@ -47,16 +47,7 @@ impl SphericalTriangle {
         let (a, b, c) = (a * inv_len.x, b * inv_len.y, c * inv_len.z);
         let (along, half) = (c.dot(a + b), 1.0 + a.dot(b));
         let solid_angle = 2.0 * angle(det, half + along);
-        det.is_finite().then_some(SphericalTriangle {
-            a,
-            b,
-            c,
-            inv_len,
-            det,
-            along,
-            half,
-            solid_angle,
-        })
+        det.is_finite().then_some(SphericalTriangle { a, b, c, inv_len, det, along, half, solid_angle })
     }
 
     /// Solid angle, in [0, 2 pi].

@@ -34,11 +34,7 @@ impl Microfacet {
     /// The distribution with the given roughness along the two tangents; clamped to what can be computed.
     pub fn new(distribution: Distribution, alpha_u: f32, alpha_v: f32) -> Self {
         let clamp = |a: f32| clamp_or_low(a, MIN_ALPHA, MAX_ALPHA);
-        Microfacet {
-            distribution,
-            alpha_u: clamp(alpha_u),
-            alpha_v: clamp(alpha_v),
-        }
+        Microfacet { distribution, alpha_u: clamp(alpha_u), alpha_v: clamp(alpha_v) }
     }
 
     /// The family.

@@ -109,32 +109,20 @@ impl Bsdf {
         let leaf = &materials[leaf as usize];
         if let Material::Diffuse { reflectance } = leaf {
             let reflectance = valid_color(textures.color(reflectance, at.uv));
-            return Bsdf {
-                n_geo: at.n_geo,
-                first: Layer::lambert(n, reflectance),
-                rest: Vec::new(),
-            };
+            return Bsdf { n_geo: at.n_geo, first: Layer::lambert(n, reflectance), rest: Vec::new() };
         }
         let view = View { textures, at, wo };
         let root = State::new(at);
         let state = if two_sided { root.turned_to(wo).1 } else { root };
         if let Some(lobe) = view.lobe(leaf) {
-            return Bsdf {
-                n_geo: at.n_geo,
-                first: view.layer(&state, leaf, lobe),
-                rest: Vec::new(),
-            };
+            return Bsdf { n_geo: at.n_geo, first: view.layer(&state, leaf, lobe), rest: Vec::new() };
         }
         let mut layers = Resolver::new(materials, &view).run(id, root);
         let first = match layers.is_empty() {
             true => Layer::lambert(at.n_shade, Rgb::ZERO),
             false => layers.swap_remove(0),
         };
-        Bsdf {
-            n_geo: at.n_geo,
-            first,
-            rest: layers,
-        }
+        Bsdf { n_geo: at.n_geo, first, rest: layers }
     }
 
     /// f(wo, wi) |cos(n_shade, wi)|, Dirac lobes excluded.

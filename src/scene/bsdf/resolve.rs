@@ -22,12 +22,7 @@ pub struct Resolver<'a> {
 
 impl<'a> Resolver<'a> {
     pub fn new(materials: &'a [Material], view: &'a View<'a>) -> Self {
-        Resolver {
-            materials,
-            view,
-            layers: Vec::new(),
-            dropped: 0.0,
-        }
+        Resolver { materials, view, layers: Vec::new(), dropped: 0.0 }
     }
 
     /// The lobes of material `id`.
@@ -54,12 +49,7 @@ impl<'a> Resolver<'a> {
                 let (is_front, state) = state.turned_to(self.view.wo);
                 self.descend(if is_front { *front } else { *back }, state);
             }
-            Material::Blend {
-                weight,
-                first,
-                second,
-                absorbed,
-            } => {
+            Material::Blend { weight, first, second, absorbed } => {
                 let w = unit(textures.scalar(weight, uv));
                 let kept = 1.0 - unit(*absorbed);
                 let mut branches = [(*first, (1.0 - w) * kept), (*second, w * kept)];

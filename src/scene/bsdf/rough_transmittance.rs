@@ -190,11 +190,7 @@ mod tests {
     #[test]
     fn interpolation_is_close_to_the_integral() {
         for d in [Distribution::Beckmann, Distribution::Ggx] {
-            let usual = worst(
-                d,
-                &[0.05, 0.085, 0.1, 0.15, 0.25, 0.5, 0.8],
-                &[1.3, 1.33, 1.49, 1.6, 1.9],
-            );
+            let usual = worst(d, &[0.05, 0.085, 0.1, 0.15, 0.25, 0.5, 0.8], &[1.3, 1.33, 1.49, 1.6, 1.9]);
             let odd = worst(d, &[0.01, 0.03, 0.1, 0.3, 1.0], &[1.05, 1.1, 2.4]);
             println!("{d:?}: {usual} {odd}");
             assert!(usual < 0.008 && odd < 0.03, "{d:?}: {usual} {odd}");
@@ -209,11 +205,7 @@ mod tests {
             let exact = 1.0 - fresnel::dielectric(mu, 1.5).0;
             assert!((t.at(mu) - exact).abs() < 0.006, "{mu}: {} {exact}", t.at(mu));
         }
-        assert!(
-            (t.internal_reflectance() - 0.587).abs() < 0.003,
-            "{}",
-            t.internal_reflectance()
-        );
+        assert!((t.internal_reflectance() - 0.587).abs() < 0.003, "{}", t.internal_reflectance());
     }
 
     #[test]

@@ -41,21 +41,12 @@ pub struct State {
 impl State {
     /// At the root of a tree of materials.
     pub fn new(at: &SurfacePoint) -> Self {
-        State {
-            weight: 1.0,
-            n: at.n_shade,
-            frame: None,
-            unperturbed: None,
-            mirror: None,
-        }
+        State { weight: 1.0, n: at.n_shade, frame: None, unperturbed: None, mirror: None }
     }
 
     /// The part `share` of this.
     pub fn part(self, share: f32) -> Self {
-        State {
-            weight: self.weight * share,
-            ..self
-        }
+        State { weight: self.weight * share, ..self }
     }
 
     /// The side of a two-sided material that `wo` is on: true for the front.
@@ -96,62 +87,34 @@ impl View<'_> {
         };
         let mut unperturbed = state.unperturbed;
         if state.mirror.is_some() {
-            frame = Frame {
-                s: state.mirrored(frame.s),
-                t: state.mirrored(frame.t),
-                n: state.mirrored(frame.n),
-            };
+            frame = Frame { s: state.mirrored(frame.s), t: state.mirrored(frame.t), n: state.mirrored(frame.n) };
             unperturbed = unperturbed.map(|n| -n);
         }
-        Layer {
-            frame,
-            weight: state.weight,
-            perturbation: unperturbed.map(|n| Perturbation::new(n, frame.n)),
-            lobe,
-        }
+        Layer { frame, weight: state.weight, perturbation: unperturbed.map(|n| Perturbation::new(n, frame.n)), lobe }
     }
 
     /// The lobe of a material without children, `None` of others.
     #[inline]
     pub fn lobe(&self, material: &Material) -> Option<Lobe> {
         Some(match material {
-            Material::Diffuse { reflectance } => Lobe::Lambert(Lambert {
-                reflectance: self.color(reflectance),
-            }),
-            Material::RoughDiffuse { reflectance, alpha } => Lobe::OrenNayar(OrenNayar::new(
-                self.color(reflectance),
-                self.textures.scalar(alpha, self.at.uv),
-            )),
-            Material::Conductor {
-                eta,
-                k,
-                specular_reflectance,
-            } => Lobe::Metal(self.metal(*eta, *k, specular_reflectance)),
-            Material::RoughConductor {
-                eta,
-                k,
-                specular_reflectance,
-                roughness,
-            } => Lobe::RoughMetal(RoughMetal {
+            Material::Diffuse { reflectance } => Lobe::Lambert(Lambert { reflectance: self.color(reflectance) }),
+            Material::RoughDiffuse { reflectance, alpha } => {
+                Lobe::OrenNayar(OrenNayar::new(self.color(reflectance), self.textures.scalar(alpha, self.at.uv)))
+            }
+            Material::Conductor { eta, k, specular_reflectance } => {
+                Lobe::Metal(self.metal(*eta, *k, specular_reflectance))
+            }
+            Material::RoughConductor { eta, k, specular_reflectance, roughness } => Lobe::RoughMetal(RoughMetal {
                 metal: self.metal(*eta, *k, specular_reflectance),
                 micro: self.micro(roughness),
             }),
-            Material::Dielectric {
-                eta,
-                specular_reflectance,
-                specular_transmittance,
-            } => Lobe::Glass(self.boundary(*eta, specular_reflectance, specular_transmittance)),
-            Material::ThinDielectric {
-                eta,
-                specular_reflectance,
-                specular_transmittance,
-            } => Lobe::Pane(self.boundary(*eta, specular_reflectance, specular_transmittance)),
-            Material::RoughDielectric {
-                eta,
-                specular_reflectance,
-                specular_transmittance,
-                roughness,
-            } => {
+            Material::Dielectric { eta, specular_reflectance, specular_transmittance } => {
+                Lobe::Glass(self.boundary(*eta, specular_reflectance, specular_transmittance))
+            }
+            Material::ThinDielectric { eta, specular_reflectance, specular_transmittance } => {
+                Lobe::Pane(self.boundary(*eta, specular_reflectance, specular_transmittance))
+            }
+            Material::RoughDielectric { eta, specular_reflectance, specular_transmittance, roughness } => {
                 let boundary = self.boundary(*eta, specular_reflectance, specular_transmittance);
                 if (boundary.eta - 1.0).abs() < MIN_ETA_STEP {
                     return Some(Lobe::Glass(boundary));
@@ -159,30 +122,23 @@ impl View<'_> {
                 let micro = self.micro(roughness);
                 Lobe::RoughGlass(RoughBoundary { boundary, micro })
             }
-            Material::Plastic {
-                eta,
-                diffuse_reflectance,
-                specular_reflectance,
-                nonlinear,
-            } => Lobe::Plastic(Plastic::new(
-                valid_eta(*eta),
-                self.color(diffuse_reflectance),
-                self.color(specular_reflectance),
-                *nonlinear,
-            )),
-            Material::RoughPlastic {
-                eta,
-                diffuse_reflectance,
-                specular_reflectance,
-                nonlinear,
-                roughness,
-            } => Lobe::RoughPlastic(RoughPlastic::new(
-                valid_eta(*eta),
-                self.color(diffuse_reflectance),
-                self.color(specular_reflectance),
-                *nonlinear,
-                self.micro(roughness),
-            )),
+            Material::Plastic { eta, diffuse_reflectance, specular_reflectance, nonlinear } => {
+                Lobe::Plastic(Plastic::new(
+                    valid_eta(*eta),
+                    self.color(diffuse_reflectance),
+                    self.color(specular_reflectance),
+                    *nonlinear,
+                ))
+            }
+            Material::RoughPlastic { eta, diffuse_reflectance, specular_reflectance, nonlinear, roughness } => {
+                Lobe::RoughPlastic(RoughPlastic::new(
+                    valid_eta(*eta),
+                    self.color(diffuse_reflectance),
+                    self.color(specular_reflectance),
+                    *nonlinear,
+                    self.micro(roughness),
+                ))
+            }
             Material::Null => Lobe::Null,
 
             Material::TwoSided { .. }
@@ -198,14 +154,8 @@ impl View<'_> {
         let frame = self.tangent_frame(state);
         let n = frame.n;
         let tilt = |tangent: Vec3, slope: f32| tangent + n * (slope - n.dot(tangent));
-        let normal = tilt(self.at.dp_du, du)
-            .cross(tilt(self.at.dp_dv, dv))
-            .normalize_or_zero();
-        let normal = if normal.dot(self.at.n_geo) < 0.0 {
-            -normal
-        } else {
-            normal
-        };
+        let normal = tilt(self.at.dp_du, du).cross(tilt(self.at.dp_dv, dv)).normalize_or_zero();
+        let normal = if normal.dot(self.at.n_geo) < 0.0 { -normal } else { normal };
         frame.to_local(normal)
     }
 
@@ -213,32 +163,17 @@ impl View<'_> {
     pub fn perturbed(&self, state: State, n: Vec3) -> State {
         let base = self.tangent_frame(&state);
         let wo = base.to_local(state.mirrored(self.wo));
-        let n = if wo.z * wo.dot(n) <= 0.0 {
-            Vec3::new(-n.x, -n.y, n.z)
-        } else {
-            n
-        };
+        let n = if wo.z * wo.dot(n) <= 0.0 { Vec3::new(-n.x, -n.y, n.z) } else { n };
         let Some(n) = n.try_normalize() else {
             return state;
         };
         let local = Frame::from_normal_tangent(n, Vec3::X);
-        let frame = Frame {
-            s: base.to_world(local.s),
-            t: base.to_world(local.t),
-            n: base.to_world(local.n),
-        };
-        State {
-            n: frame.n,
-            frame: Some(frame),
-            unperturbed: Some(state.unperturbed.unwrap_or(state.n)),
-            ..state
-        }
+        let frame = Frame { s: base.to_world(local.s), t: base.to_world(local.t), n: base.to_world(local.n) };
+        State { n: frame.n, frame: Some(frame), unperturbed: Some(state.unperturbed.unwrap_or(state.n)), ..state }
     }
 
     fn tangent_frame(&self, state: &State) -> Frame {
-        state
-            .frame
-            .unwrap_or_else(|| Frame::from_normal_tangent(state.n, self.at.dp_du))
+        state.frame.unwrap_or_else(|| Frame::from_normal_tangent(state.n, self.at.dp_du))
     }
 
     fn color(&self, color: &Color) -> Rgb {
@@ -247,19 +182,11 @@ impl View<'_> {
 
     fn metal(&self, eta: Rgb, k: Rgb, tint: &Color) -> Metal {
         let tint = self.color(tint);
-        Metal {
-            eta: valid_color(eta),
-            k: valid_color(k),
-            tint,
-        }
+        Metal { eta: valid_color(eta), k: valid_color(k), tint }
     }
 
     fn boundary(&self, eta: f32, reflectance: &Color, transmittance: &Color) -> Boundary {
-        Boundary {
-            eta: valid_eta(eta),
-            reflectance: self.color(reflectance),
-            transmittance: self.color(transmittance),
-        }
+        Boundary { eta: valid_eta(eta), reflectance: self.color(reflectance), transmittance: self.color(transmittance) }
     }
 
     fn micro(&self, r: &Roughness) -> Microfacet {

@@ -39,11 +39,7 @@ fn check(ray: CameraRay, o: [f32; 3], d: [f32; 3], length: f32) {
     assert!((at_near - Vec3::from(o)).length() < 4e-6, "{at_near} {o:?}");
     assert!((ray.d - Vec3::from(d)).length() < 1e-6, "{} {d:?}", ray.d);
     assert!((ray.d.length() - 1.0).abs() < 1e-6);
-    assert!(
-        ((ray.tmax - ray.tmin) / length - 1.0).abs() < 1e-5,
-        "{} {length}",
-        ray.tmax - ray.tmin
-    );
+    assert!(((ray.tmax - ray.tmin) / length - 1.0).abs() < 1e-5, "{} {length}", ray.tmax - ray.tmin);
 }
 
 fn at(x: f32, y: f32) -> Vec2 {
@@ -54,24 +50,9 @@ fn at(x: f32, y: f32) -> Vec2 {
 fn pinhole_as_mitsuba() {
     let c = Camera::new(&perspective([1.0; 3], [0.0; 2], (0.0, 1.0)), &FILM).unwrap();
     let r = |x, y| c.ray(at(x, y), Vec2::ZERO);
-    check(
-        r(0.0, 0.0),
-        [0.898732, 2.094112, 2.443755],
-        [-0.1766817, 0.1641972, -0.9704757],
-        22.353533,
-    );
-    check(
-        r(0.25, 0.75),
-        [1.00502, 1.862654, 2.499259],
-        [0.0096684, -0.264503, -0.9643365],
-        20.251114,
-    );
-    check(
-        r(1.0, 1.0),
-        [1.34204, 1.785502, 2.593158],
-        [0.5967537, -0.3742332, -0.709813],
-        22.353533,
-    );
+    check(r(0.0, 0.0), [0.898732, 2.094112, 2.443755], [-0.1766817, 0.1641972, -0.9704757], 22.353533);
+    check(r(0.25, 0.75), [1.00502, 1.862654, 2.499259], [0.0096684, -0.264503, -0.9643365], 20.251114);
+    check(r(1.0, 1.0), [1.34204, 1.785502, 2.593158], [0.5967537, -0.3742332, -0.709813], 22.353533);
     assert_eq!(r(0.3, 0.7).o, Vec3::new(1.0, 2.0, 3.0));
 }
 
@@ -96,18 +77,8 @@ fn mirrored_matrix_as_mitsuba() {
     (desc.near_clip, desc.far_clip) = (0.01, 10000.0);
     let c = Camera::new(&desc, &FILM).unwrap();
     let r = |x, y| c.ray(at(x, y), Vec2::ZERO);
-    check(
-        r(0.0, 0.0),
-        [1.007022, 2.001882, 2.991137],
-        [0.61259, 0.1641972, -0.7731577],
-        11463.340,
-    );
-    check(
-        r(1.0, 1.0),
-        [0.997793, 1.99571, 2.989601],
-        [-0.1925177, -0.3742332, -0.9071308],
-        11463.339,
-    );
+    check(r(0.0, 0.0), [1.007022, 2.001882, 2.991137], [0.61259, 0.1641972, -0.7731577], 11463.340);
+    check(r(1.0, 1.0), [0.997793, 1.99571, 2.989601], [-0.1925177, -0.3742332, -0.9071308], 11463.339);
 }
 
 #[test]
@@ -116,18 +87,8 @@ fn thin_lens_as_mitsuba() {
     // Mitsuba's lens sample (0.9, 0.3), by its concentric map: radius 0.8 at the angle -pi/8.
     let (s, co) = (-std::f32::consts::PI / 8.0).sin_cos();
     let r = |x, y| c.ray_from_lens(at(x, y), Vec2::new(0.8 * co, 0.8 * s));
-    check(
-        r(0.0, 0.0),
-        [0.708163, 2.014333, 2.406085],
-        [-0.1308794, 0.1864971, -0.9736988],
-        22.063995,
-    );
-    check(
-        r(0.25, 0.75),
-        [0.814452, 1.782875, 2.46159],
-        [0.0629607, -0.2459279, -0.9672412],
-        19.973314,
-    );
+    check(r(0.0, 0.0), [0.708163, 2.014333, 2.406085], [-0.1308794, 0.1864971, -0.9736988], 22.063995);
+    check(r(0.25, 0.75), [0.814452, 1.782875, 2.46159], [0.0629607, -0.2459279, -0.9672412], 19.973314);
     // Whatever the map: all rays of one film position meet in the plane in focus, and the lens is filled.
     let centre = c.ray_from_lens(at(0.2, 0.9), Vec2::ZERO);
     let forward = DVec3::new(1.0, -0.5, -4.0).normalize().as_vec3();

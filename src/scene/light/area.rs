@@ -39,9 +39,7 @@ pub(super) fn frame(shape: &Shape) -> Option<RectangleFrame> {
     };
     let (x, y) = (r.ex.as_dvec3(), r.ey.as_dvec3());
     let orthogonal = x.dot(y).abs() <= 1e-6 * x.length() * y.length();
-    orthogonal
-        .then(|| RectangleFrame::new(r.center.as_dvec3(), x, y))
-        .flatten()
+    orthogonal.then(|| RectangleFrame::new(r.center.as_dvec3(), x, y)).flatten()
 }
 
 /// A sampled point of a lamp.
@@ -134,11 +132,7 @@ fn relative(q: Vec3, p: Vec3) -> DVec3 {
 /// d^2 / (A cos) for a point at `to` of a plane at distance `height`; 0 in the plane.
 fn planar_pdf(to: DVec3, height: f64, area: f64) -> f64 {
     let d2 = to.length_squared();
-    if height > 0.0 {
-        d2 * d2.sqrt() / (height * area)
-    } else {
-        0.0
-    }
+    if height > 0.0 { d2 * d2.sqrt() / (height * area) } else { 0.0 }
 }
 
 /// d^2 / (A cos) for a point at `to` with unit normal `n`.
@@ -306,7 +300,5 @@ fn sample_cylinder(c: &Cylinder, area: f64, p: Vec3, u: Vec2) -> Option<LampPoin
     let n = c.reference.as_dvec3() * cos + c.binormal.as_dvec3() * sin;
     let to = relative(c.p0, p) + c.axis.as_dvec3() * u.x as f64 + n * c.radius as f64;
     let front = if c.flip { to.dot(n) > 0.0 } else { to.dot(n) < 0.0 };
-    front
-        .then(|| LampPoint::new(to, curved_pdf(to, n, area), Vec2::ZERO))
-        .flatten()
+    front.then(|| LampPoint::new(to, curved_pdf(to, n, area), Vec2::ZERO)).flatten()
 }

@@ -96,9 +96,7 @@ impl DeltaLight {
                 let (wi, d2) = from(*position)?;
                 (wi, d2.sqrt(), *intensity / d2)
             }
-            DeltaLight::Spot {
-                position, intensity, ..
-            } => {
+            DeltaLight::Spot { position, intensity, .. } => {
                 let (wi, d2) = from(*position)?;
                 (wi, d2.sqrt(), *intensity * self.spot_factor(textures, -wi) / d2)
             }
@@ -137,11 +135,7 @@ impl DeltaLight {
             DeltaLight::Spot { intensity, cutoff, beam, texture: None, .. } => {
                 let (c, b) = (*cutoff as f64, *beam as f64);
                 // Integral of the ramp times sin; the mean of cos over the ramp, or its limit.
-                let mean_cos = if c - b > 1e-6 {
-                    (c.sin() - b.sin()) / (c - b)
-                } else {
-                    c.cos()
-                };
+                let mean_cos = if c - b > 1e-6 { (c.sin() - b.sin()) / (c - b) } else { c.cos() };
                 *intensity * (TAU * (1.0 - mean_cos)) as f32
             }
             DeltaLight::Spot { intensity, to_local, cutoff, .. } => {

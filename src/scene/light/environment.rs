@@ -98,9 +98,7 @@ impl EnvMap {
             return None;
         }
         let rows = (h - 1).max(1);
-        let cos: Vec<f64> = (0..=rows)
-            .map(|j| (std::f64::consts::PI * j as f64 / rows as f64).cos())
-            .collect();
+        let cos: Vec<f64> = (0..=rows).map(|j| (std::f64::consts::PI * j as f64 / rows as f64).cos()).collect();
         let mut values = Vec::with_capacity(w * rows);
         let mut integral = [0f64; 3];
         for j in 0..rows {

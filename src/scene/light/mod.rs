@@ -166,11 +166,7 @@ impl Lights {
         } else if let Some(environment) = Environment::new(desc, textures.images) {
             let summary = (environment.kind(), environment.power(radius));
             self.environments.push((environment, self.emitters.len() as u32));
-            (
-                summary.0,
-                summary.1,
-                Source::Environment(self.environments.len() as u32 - 1),
-            )
+            (summary.0, summary.1, Source::Environment(self.environments.len() as u32 - 1))
         } else {
             return;
         };
@@ -180,10 +176,7 @@ impl Lights {
     }
 
     fn lamp<'a>(&'a self, shapes: &'a [Shape], shape: u32) -> area::Lamp<'a> {
-        area::Lamp {
-            shape: &shapes[shape as usize],
-            frame: self.frames.get(self.lamps[shape as usize][1] as usize),
-        }
+        area::Lamp { shape: &shapes[shape as usize], frame: self.frames.get(self.lamps[shape as usize][1] as usize) }
     }
 
     /// Whether there is no light at all.
@@ -250,20 +243,13 @@ impl Lights {
             return 0.0;
         }
         let lamp = self.lamp(shapes, at.shape);
-        let prim = if matches!(lamp.shape.geometry, Geometry::Mesh(_)) {
-            at.prim
-        } else {
-            0
-        };
+        let prim = if matches!(lamp.shape.geometry, Geometry::Mesh(_)) { at.prim } else { 0 };
         area::pdf_dir(lamp, prim, p, at) * self.table.pmf((first + prim) as usize)
     }
 
     /// Radiance from infinity along the unit direction `w` (away from the scene): all environment lights.
     pub fn environment(&self, textures: Textures, w: Vec3) -> Rgb {
-        self.environments
-            .iter()
-            .map(|(e, _)| e.radiance(textures.images, w))
-            .sum()
+        self.environments.iter().map(|(e, _)| e.radiance(textures.images, w)).sum()
     }
 
     /// Density per solid angle with which [`Self::sample`] draws the direction `w` into the environment.
@@ -286,11 +272,7 @@ fn lamp_radiance(lamp: &Shape, textures: Textures, shape: u32, prim: u32, p: Vec
         Some(color) => {
             let hit = ShapeHit { t: q.distance, u: q.barycentric.x, v: q.barycentric.y };
             let at = lamp.surface_point(shape, prim, p, q.wi, hit);
-            if at.n_shade.dot(q.wi) < 0.0 {
-                textures.color(color, at.uv)
-            } else {
-                Rgb::ZERO
-            }
+            if at.n_shade.dot(q.wi) < 0.0 { textures.color(color, at.uv) } else { Rgb::ZERO }
         }
         None => Rgb::ZERO,
     }

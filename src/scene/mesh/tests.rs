@@ -14,7 +14,7 @@ fn triangles(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> MeshData {
     }
 }
 
-/// Closed cube [-1,1]^3, outward, every face with four vertices of its own.
+/// Closed cube `[-1,1]^3`, outward, every face with four vertices of its own.
 fn cube() -> MeshData {
     let mut data = MeshData::default();
     for axis in 0..3 {

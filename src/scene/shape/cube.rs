@@ -1,4 +1,4 @@
-//! The cube [-1,1]^3 as a mesh: 24 vertices, so that each face has its own normal and its own uv square.
+//! The cube `[-1,1]^3` as a mesh: 24 vertices, so that each face has its own normal and its own uv square.
 //!
 //! Layout as Mitsuba 3.9's cube (its vertex table, measured): each face starts at uv (0,1) and goes round over
 //! (1,1), (1,0) and (0,0), counter-clockwise as seen from outside, so that its normal is dp/dv x dp/du.

@@ -61,7 +61,7 @@ pub struct Sphere {
     pub axes: [Vec3; 3],
 }
 
-/// The parallelogram center + x ex + y ey, x and y in [-1,1].
+/// The parallelogram center + x ex + y ey, x and y in `[-1,1]`.
 #[derive(Clone, Debug)]
 pub struct Rectangle {
     /// Centre.
@@ -74,7 +74,7 @@ pub struct Rectangle {
     pub n: Vec3,
 }
 
-/// The ellipse center + r (cos a ex + sin a ey), r in [0,1].
+/// The ellipse center + r (cos a ex + sin a ey), r in `[0,1]`.
 #[derive(Clone, Debug)]
 pub struct Disk {
     /// Centre.

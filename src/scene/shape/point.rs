@@ -155,7 +155,7 @@ impl Sphere {
 }
 
 impl Cylinder {
-    /// The point at `z` in [0,1] along the axis, in direction `across` from it (any length above 0; the part along the
+    /// The point at `z` in `[0,1]` along the axis, in direction `across` from it (any length above 0; the part along the
     /// axis must be rounding only); u is the angle over 2 pi, v is z.
     pub(super) fn point(&self, z: f32, across: DVec3) -> SurfacePoint {
         let out = across.try_normalize().unwrap_or(self.reference.as_dvec3());

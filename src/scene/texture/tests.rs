@@ -3,29 +3,13 @@
 use super::*;
 
 fn picture() -> Bitmap {
-    let p = [
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-        [0.2, 0.4, 0.6],
-        [0.9, 0.1, 0.3],
-        [0.5, 0.5, 0.0],
-    ];
-    Bitmap {
-        width: 3,
-        height: 2,
-        pixels: p.iter().map(|&c| Rgb::from(c)).collect(),
-    }
+    let p = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.2, 0.4, 0.6], [0.9, 0.1, 0.3], [0.5, 0.5, 0.0]];
+    Bitmap { width: 3, height: 2, pixels: p.iter().map(|&c| Rgb::from(c)).collect() }
 }
 
 fn bitmap(filter: TexFilter, wrap: Wrap) -> Texture {
     let to_uv = Affine2::from_translation(Vec2::new(0.1, 0.05)) * Affine2::from_scale(Vec2::new(1.5, 0.8));
-    Texture::Bitmap {
-        image: 0,
-        filter,
-        wrap,
-        to_uv,
-    }
+    Texture::Bitmap { image: 0, filter, wrap, to_uv }
 }
 
 /// Filter, wrap, uv, value, gradient of the luminance.
@@ -59,19 +43,10 @@ fn bitmaps_agree_with_mitsuba() {
     for (filter, wrap, uv, value, slope) in golden {
         let textures = [bitmap(filter, wrap)];
         let images = [picture()];
-        let t = Textures {
-            textures: &textures,
-            images: &images,
-        };
+        let t = Textures { textures: &textures, images: &images };
         let (v, g) = (t.eval(0, uv.into()), t.gradient(0, uv.into()));
-        assert!(
-            (v - Rgb::from(value)).abs().max_element() < 2e-5,
-            "{filter:?} {wrap:?} {uv:?}: {v}"
-        );
-        assert!(
-            (g - Vec2::from(slope)).abs().max_element() < 5e-5,
-            "{filter:?} {wrap:?} {uv:?}: {g}"
-        );
+        assert!((v - Rgb::from(value)).abs().max_element() < 2e-5, "{filter:?} {wrap:?} {uv:?}: {v}");
+        assert!((g - Vec2::from(slope)).abs().max_element() < 5e-5, "{filter:?} {wrap:?} {uv:?}: {g}");
     }
 }
 
@@ -82,10 +57,7 @@ fn checks_agree_with_mitsuba() {
         color1: Color::Constant(Rgb::ZERO),
         to_uv: Affine2::IDENTITY,
     }];
-    let t = Textures {
-        textures: &textures,
-        images: &[],
-    };
+    let t = Textures { textures: &textures, images: &[] };
     for (uv, value) in [
         ([0.25, 0.25], 0.0),
         ([0.75, 0.25], 1.0),
@@ -109,26 +81,17 @@ fn scalars_of_bitmaps_are_luminance_and_of_colours_means() {
             color1: Color::Texture(0),
             to_uv: Affine2::IDENTITY,
         },
-        Texture::Scale {
-            texture: 0,
-            factor: Rgb::splat(2.0),
-        },
+        Texture::Scale { texture: 0, factor: Rgb::splat(2.0) },
     ];
     let images = [picture()];
-    let t = Textures {
-        textures: &textures,
-        images: &images,
-    };
+    let t = Textures { textures: &textures, images: &images };
     let red = Vec2::new(0.1, 0.1);
     assert!((t.eval_scalar(0, red) - 0.212_671).abs() < 1e-6);
     assert!((t.eval_scalar(1, Vec2::new(0.7, 0.1)) - 0.4).abs() < 1e-6);
     assert_eq!(t.eval_scalar(1, red), t.eval_scalar(0, red));
     assert_eq!(t.eval(2, red), Rgb::new(2.0, 0.0, 0.0));
     let mean = t.mean(&Color::Texture(2));
-    assert!(
-        (mean - Rgb::new(2.6, 2.0, 1.9) / 3.0).abs().max_element() < 1e-6,
-        "{mean}"
-    );
+    assert!((mean - Rgb::new(2.6, 2.0, 1.9) / 3.0).abs().max_element() < 1e-6, "{mean}");
 }
 
 #[test]
@@ -143,22 +106,9 @@ fn odd_coordinates_and_empty_pictures_do_no_harm() {
     ];
     for image in [picture(), Bitmap::default()] {
         let images = [image];
-        let t = Textures {
-            textures: &textures,
-            images: &images,
-        };
+        let t = Textures { textures: &textures, images: &images };
         for id in 0..textures.len() as u32 {
-            for x in [
-                0.0,
-                -0.0,
-                1.0,
-                -1e-9,
-                1e9,
-                -3.4e38,
-                f32::INFINITY,
-                f32::NAN,
-                0.999_999_94,
-            ] {
+            for x in [0.0, -0.0, 1.0, -1e-9, 1e9, -3.4e38, f32::INFINITY, f32::NAN, 0.999_999_94] {
                 for uv in [Vec2::new(x, 0.3), Vec2::new(0.3, x), Vec2::splat(x)] {
                     let v = t.eval(id, uv);
                     assert!(v.is_finite() && v.min_element() >= 0.0 && v.max_element() <= 1.0 + 1e-6);

@@ -21,11 +21,7 @@ impl Parser<'_> {
     ) -> Checked<()> {
         let report = self.report;
         let name = attrs.need("name", report)?;
-        let value = |parser| {
-            attrs
-                .need("value", report)
-                .and_then(|a| Attrs::parse(a, parser, report))
-        };
+        let value = |parser| attrs.need("value", report).and_then(|a| Attrs::parse(a, parser, report));
         let value = match tag {
             "integer" => Value::Integer(Attrs::parse(attrs.need("value", report)?, values::integer, report)?),
             "float" => Value::Float(value(values::number)?),
@@ -63,9 +59,7 @@ impl Parser<'_> {
                 Err(rgb) => Value::Rgb(rgb),
             }),
             (None, Some(filename)) => Ok(Value::Spectrum(Spectrum::File(filename.value.clone()))),
-            _ => Err(self
-                .report
-                .error(attrs.loc, "<spectrum> needs exactly one of \"value\" and \"filename\"")),
+            _ => Err(self.report.error(attrs.loc, "<spectrum> needs exactly one of \"value\" and \"filename\"")),
         }
     }
 }

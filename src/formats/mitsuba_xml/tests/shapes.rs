@@ -11,39 +11,22 @@ fn shapes_without_material_and_lamps() {
         "<shape type=\"cube\"/><shape type=\"disk\"><emitter type=\"area\"/></shape><shape type=\"disk\"/>",
     ));
     let albedo = |i: usize| d.materials[d.shapes[i].material as usize].clone();
-    let grey = |v: f32| Material::Diffuse {
-        reflectance: Color::Constant(Rgb::splat(v)),
-    };
+    let grey = |v: f32| Material::Diffuse { reflectance: Color::Constant(Rgb::splat(v)) };
     assert_eq!((albedo(0), albedo(1), d.materials.len()), (grey(0.5), grey(0.0), 2));
     assert_eq!(d.shapes[1].emission, Some(Color::Constant(Rgb::ONE)));
     assert_eq!(d.shapes[1].name, "shape 2 (disk)");
     let lamp = |text: &str| scene(&format!("<shape type=\"cube\">{text}</shape>"));
     fails(&lamp("<emitter type=\"point\"/>"), "cannot be nested in a shape");
-    fails(
-        &lamp("<emitter type=\"area\"><transform name=\"to_world\"/></emitter>"),
-        "no to_world of its own",
-    );
-    fails(
-        &lamp("<emitter type=\"area\"/><emitter type=\"area\"/>"),
-        "one emitter only",
-    );
+    fails(&lamp("<emitter type=\"area\"><transform name=\"to_world\"/></emitter>"), "no to_world of its own");
+    fails(&lamp("<emitter type=\"area\"/><emitter type=\"area\"/>"), "one emitter only");
     fails(&scene("<emitter type=\"area\"/>"), "belongs to a shape");
-    let textured = clean(&lamp(
-        "<emitter type=\"area\"><texture type=\"checkerboard\" name=\"radiance\"/></emitter>",
-    ));
+    let textured = clean(&lamp("<emitter type=\"area\"><texture type=\"checkerboard\" name=\"radiance\"/></emitter>"));
     assert!(matches!(textured.shapes[0].emission, Some(Color::Texture(_))));
     // A spectrum of one number is equal-energy white; a float is grey.
-    let d = clean(&lamp(
-        "<emitter type=\"area\"><spectrum name=\"radiance\" value=\"10\"/></emitter>",
-    ));
-    let Some(Color::Constant(c)) = d.shapes[0].emission else {
-        panic!()
-    };
+    let d = clean(&lamp("<emitter type=\"area\"><spectrum name=\"radiance\" value=\"10\"/></emitter>"));
+    let Some(Color::Constant(c)) = d.shapes[0].emission else { panic!() };
     assert!((c - Rgb::new(12.048, 9.483, 9.089)).length() < 0.01, "{c}");
-    assert_eq!(
-        material("<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"0.25\"/></bsdf>"),
-        grey(0.25)
-    );
+    assert_eq!(material("<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"0.25\"/></bsdf>"), grey(0.25));
 }
 
 #[test]
@@ -52,35 +35,19 @@ fn shape_rules() {
     let d = clean(&sphere("<float name=\"radius\" value=\"-2\"/>"));
     assert!(d.shapes[0].flip_normals && matches!(d.shapes[0].geometry, GeometryDesc::Sphere { radius: 2.0, .. }));
     fails(&sphere("<float name=\"radius\" value=\"0\"/>"), "must not be 0");
-    fails(
-        &sphere("<transform name=\"to_world\"><scale x=\"2\"/></transform>"),
-        "scaled unevenly",
-    );
+    fails(&sphere("<transform name=\"to_world\"><scale x=\"2\"/></transform>"), "scaled unevenly");
     let rods = clean(&scene("<shape type=\"cylinder\"/>"));
-    assert!(matches!(
-        rods.shapes[0].geometry,
-        GeometryDesc::Cylinder {
-            p0: DVec3::ZERO,
-            p1: DVec3::Z,
-            radius: 1.0
-        }
-    ));
+    assert!(matches!(rods.shapes[0].geometry, GeometryDesc::Cylinder { p0: DVec3::ZERO, p1: DVec3::Z, radius: 1.0 }));
     assert!(warnings(&scene("<shape type=\"recangle\"/>"))[0].contains("did you mean \"rectangle\"?"));
     let medium = "<shape type=\"cube\"><medium name=\"interior\" type=\"homogeneous\"><rgb name=\"albedo\" value=\"1\"/></medium></shape>";
     let found = warnings(&scene(&medium.repeat(3)));
-    assert!(
-        found.len() == 1 && found[0].contains("participating media"),
-        "{found:?}"
-    );
+    assert!(found.len() == 1 && found[0].contains("participating media"), "{found:?}");
     let d = clean(&scene(
         "<shape type=\"shapegroup\" id=\"g\"><shape type=\"cube\"><transform name=\"to_world\"><scale value=\"2\"/></transform></shape><shape type=\"disk\"/></shape>
         <shape type=\"instance\"><ref id=\"g\"/></shape><shape type=\"instance\"><ref id=\"g\"/><transform name=\"to_world\"><translate x=\"5\"/></transform></shape>",
     ));
     assert_eq!(d.shapes.len(), 4);
-    assert_eq!(
-        d.shapes[2].to_world.transform_point3(DVec3::X),
-        DVec3::new(7.0, 0.0, 0.0)
-    );
+    assert_eq!(d.shapes[2].to_world.transform_point3(DVec3::X), DVec3::new(7.0, 0.0, 0.0));
 }
 
 #[test]
@@ -97,14 +64,7 @@ fn lights() {
         &scene("<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"0\" z=\"0\"/></emitter>"),
         "direction of the light is zero",
     );
-    let LightDesc::Spot {
-        cutoff_angle,
-        beam_width,
-        ..
-    } = light("<emitter type=\"spot\"/>")
-    else {
-        panic!()
-    };
+    let LightDesc::Spot { cutoff_angle, beam_width, .. } = light("<emitter type=\"spot\"/>") else { panic!() };
     assert!((cutoff_angle.to_degrees() - 20.0).abs() < 1e-9 && (beam_width.to_degrees() - 15.0).abs() < 1e-9);
     let p = "<emitter type=\"point\"><transform name=\"to_world\"><translate y=\"3\"/></transform></emitter>";
     assert!(matches!(light(p), LightDesc::Point { position, .. } if position == DVec3::new(0.0, 3.0, 0.0)));
@@ -182,18 +142,7 @@ fn mesh_flags_reach_the_reader() {
     let kinds: Vec<_> = b.meshes.iter().map(|(_, kind, _)| *kind).collect();
     assert_eq!(kinds, [Obj(true), Obj(false), Ply(false), Ply(true), Serialized(3)]);
     let files: Vec<_> = b.pending.iter().map(|p| (p.file, p.face_normals)).collect();
-    assert_eq!(
-        files,
-        [
-            (0, false),
-            (1, false),
-            (2, false),
-            (3, false),
-            (4, false),
-            (0, true),
-            (2, false)
-        ]
-    );
+    assert_eq!(files, [(0, false), (1, false), (2, false), (3, false), (4, false), (0, true), (2, false)]);
     let angle = b.pending[6].max_smooth_angle.unwrap();
     assert!((angle - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
 }

@@ -37,17 +37,7 @@ fn scattering_is_reciprocal() {
 #[test]
 fn importance_is_the_adjoint_of_radiance() {
     let mut all = cases();
-    all.push((
-        "bump map",
-        vec![
-            metal(rough(Ggx, 0.4, 0.4)),
-            Material::BumpMap {
-                texture: 0,
-                scale: 0.1,
-                nested: 0,
-            },
-        ],
-    ));
+    all.push(("bump map", vec![metal(rough(Ggx, 0.4, 0.4)), Material::BumpMap { texture: 0, scale: 0.1, nested: 0 }]));
     let at = tilted();
     let mut compared = 0;
     for (name, materials) in all {
@@ -71,11 +61,7 @@ fn importance_is_the_adjoint_of_radiance() {
 
 #[test]
 fn dirac_samples_carry_the_adjoint_factors() {
-    let smooth = Material::Dielectric {
-        eta: 1.5,
-        specular_reflectance: grey(1.0),
-        specular_transmittance: grey(1.0),
-    };
+    let smooth = Material::Dielectric { eta: 1.5, specular_reflectance: grey(1.0), specular_transmittance: grey(1.0) };
     let at = tilted();
     let wo = Vec3::new(0.4, 0.1, 0.8).normalize();
     let bsdf = resolve(&[smooth], &at, wo);
@@ -147,31 +133,18 @@ fn nesting_keeps_the_weights() {
     // Sixteen diffuse leaves, more than there is place for: all alike, so nothing may be lost.
     let mut deep = vec![diffuse(0.5)];
     for i in 0..40 {
-        deep.push(Material::Blend {
-            weight: Scalar::Constant(0.5),
-            first: i,
-            second: i,
-            absorbed: 0.0,
-        });
+        deep.push(Material::Blend { weight: Scalar::Constant(0.5), first: i, second: i, absorbed: 0.0 });
     }
     let bsdf = resolve(&deep, &flat(), wo);
     let single = resolve(&deep[..1], &flat(), wo);
     assert_eq!(bsdf.layers().count(), MAX_LAYERS);
     assert!((bsdf.eval(wo, wo, r) - single.eval(wo, wo, r)).length() < 1e-6);
     // A mixture that loses a quarter.
-    let lossy = Material::Blend {
-        weight: Scalar::Constant(0.3),
-        first: 0,
-        second: 0,
-        absorbed: 0.25,
-    };
+    let lossy = Material::Blend { weight: Scalar::Constant(0.3), first: 0, second: 0, absorbed: 0.25 };
     let bsdf = resolve(&[diffuse(0.8), lossy], &flat(), wo);
     assert!((bsdf.albedo(wo).x - 0.6).abs() < 1e-6);
     // Null passes with its share of the weight.
-    let mask = Material::Mask {
-        opacity: Scalar::Constant(0.25),
-        nested: 0,
-    };
+    let mask = Material::Mask { opacity: Scalar::Constant(0.25), nested: 0 };
     let bsdf = resolve(&[diffuse(0.5), mask], &flat(), wo);
     let passed: f32 = (0..10_000)
         .filter_map(|i| draw(&bsdf, wo, 2, i, t))
@@ -184,23 +157,14 @@ fn nesting_keeps_the_weights() {
     assert!((passed / 10_000.0 - 0.75).abs() < 0.02, "{passed}");
     assert!(!bsdf.is_delta() && bsdf.has_diffuse() && bsdf.min_alpha() == 1.0);
     // Nothing at all.
-    let gone = Material::Blend {
-        weight: Scalar::Constant(0.5),
-        first: 0,
-        second: 0,
-        absorbed: 1.0,
-    };
+    let gone = Material::Blend { weight: Scalar::Constant(0.5), first: 0, second: 0, absorbed: 1.0 };
     let bsdf = resolve(&[diffuse(0.5), gone], &flat(), wo);
     assert!(bsdf.sample(wo, 0.5, Vec2::splat(0.5), r).is_none() && bsdf.albedo(wo) == Rgb::ZERO);
 }
 
 #[test]
 fn lobes_are_classified() {
-    let smooth = Material::Conductor {
-        eta: Rgb::ZERO,
-        k: Rgb::ONE,
-        specular_reflectance: grey(1.0),
-    };
+    let smooth = Material::Conductor { eta: Rgb::ZERO, k: Rgb::ONE, specular_reflectance: grey(1.0) };
     let wo = Vec3::new(0.3, 0.2, 0.9).normalize();
     let of = |m: Material| {
         let b = resolve(&[m], &flat(), wo);
@@ -211,8 +175,5 @@ fn lobes_are_classified() {
     assert_eq!(of(diffuse(0.5)), (false, true, 1.0));
     assert_eq!(of(metal(rough(Ggx, 0.2, 0.3))), (false, false, 0.2));
     assert_eq!(of(plastic(1.5, 0.5, 1.0, false, None)), (false, true, 0.0));
-    assert_eq!(
-        of(plastic(1.5, 0.5, 1.0, false, Some(rough(Ggx, 0.2, 0.2)))),
-        (false, true, 0.2)
-    );
+    assert_eq!(of(plastic(1.5, 0.5, 1.0, false, Some(rough(Ggx, 0.2, 0.2)))), (false, true, 0.2));
 }

@@ -24,47 +24,24 @@ fn diffuse(x: f32) -> Material {
 }
 
 fn rough(distribution: Distribution, alpha_u: f32, alpha_v: f32) -> Roughness {
-    Roughness {
-        distribution,
-        alpha_u: Scalar::Constant(alpha_u),
-        alpha_v: Scalar::Constant(alpha_v),
-    }
+    Roughness { distribution, alpha_u: Scalar::Constant(alpha_u), alpha_v: Scalar::Constant(alpha_v) }
 }
 
 fn metal(roughness: Roughness) -> Material {
-    Material::RoughConductor {
-        eta: ETA,
-        k: K,
-        specular_reflectance: grey(1.0),
-        roughness,
-    }
+    Material::RoughConductor { eta: ETA, k: K, specular_reflectance: grey(1.0), roughness }
 }
 
 fn glass(eta: f32, roughness: Roughness) -> Material {
-    Material::RoughDielectric {
-        eta,
-        specular_reflectance: grey(1.0),
-        specular_transmittance: grey(1.0),
-        roughness,
-    }
+    Material::RoughDielectric { eta, specular_reflectance: grey(1.0), specular_transmittance: grey(1.0), roughness }
 }
 
 fn plastic(eta: f32, diffuse: f32, specular: f32, nonlinear: bool, roughness: Option<Roughness>) -> Material {
     let (diffuse_reflectance, specular_reflectance) = (grey(diffuse), grey(specular));
     match roughness {
-        None => Material::Plastic {
-            eta,
-            diffuse_reflectance,
-            specular_reflectance,
-            nonlinear,
-        },
-        Some(roughness) => Material::RoughPlastic {
-            eta,
-            diffuse_reflectance,
-            specular_reflectance,
-            nonlinear,
-            roughness,
-        },
+        None => Material::Plastic { eta, diffuse_reflectance, specular_reflectance, nonlinear },
+        Some(roughness) => {
+            Material::RoughPlastic { eta, diffuse_reflectance, specular_reflectance, nonlinear, roughness }
+        }
     }
 }
 
@@ -95,32 +72,14 @@ fn tilted() -> SurfacePoint {
 
 /// Texture 0: a colourful picture of 3 x 2 texels. Texture 1: the tangent-space normal (0.5, -0.3, 0.6) everywhere.
 fn textures() -> ([Texture; 2], [Bitmap; 2]) {
-    let texture = |image| Texture::Bitmap {
-        image,
-        filter: TexFilter::Bilinear,
-        wrap: Wrap::Repeat,
-        to_uv: Affine2::IDENTITY,
-    };
-    let picture = [
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-        [0.2, 0.4, 0.6],
-        [0.9, 0.1, 0.3],
-        [0.5, 0.5, 0.0],
-    ];
+    let texture =
+        |image| Texture::Bitmap { image, filter: TexFilter::Bilinear, wrap: Wrap::Repeat, to_uv: Affine2::IDENTITY };
+    let picture =
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.2, 0.4, 0.6], [0.9, 0.1, 0.3], [0.5, 0.5, 0.0]];
     let normal = 0.5 * (Vec3::new(0.5, -0.3, 0.6).normalize() + Vec3::ONE);
     let images = [
-        Bitmap {
-            width: 3,
-            height: 2,
-            pixels: picture.iter().map(|&c| Rgb::from(c)).collect(),
-        },
-        Bitmap {
-            width: 1,
-            height: 1,
-            pixels: vec![normal],
-        },
+        Bitmap { width: 3, height: 2, pixels: picture.iter().map(|&c| Rgb::from(c)).collect() },
+        Bitmap { width: 1, height: 1, pixels: vec![normal] },
     ];
     ([texture(0), texture(1)], images)
 }
@@ -129,34 +88,19 @@ fn textures() -> ([Texture; 2], [Bitmap; 2]) {
 type Case = (&'static str, Vec<Material>);
 
 fn blend(weight: f32) -> Material {
-    Material::Blend {
-        weight: Scalar::Constant(weight),
-        first: 0,
-        second: 1,
-        absorbed: 0.0,
-    }
+    Material::Blend { weight: Scalar::Constant(weight), first: 0, second: 1, absorbed: 0.0 }
 }
 
 fn cases() -> Vec<Case> {
-    let mirror = Material::Conductor {
-        eta: ETA,
-        k: K,
-        specular_reflectance: grey(1.0),
-    };
-    let oren_nayar = Material::RoughDiffuse {
-        reflectance: grey(0.7),
-        alpha: Scalar::Constant(0.5),
-    };
+    let mirror = Material::Conductor { eta: ETA, k: K, specular_reflectance: grey(1.0) };
+    let oren_nayar = Material::RoughDiffuse { reflectance: grey(0.7), alpha: Scalar::Constant(0.5) };
     let tinted = Material::RoughDielectric {
         eta: 1.5,
         specular_reflectance: grey(0.4),
         specular_transmittance: grey(0.9),
         roughness: rough(Ggx, 0.3, 0.3),
     };
-    let mask = Material::Mask {
-        opacity: Scalar::Constant(0.3),
-        nested: 0,
-    };
+    let mask = Material::Mask { opacity: Scalar::Constant(0.3), nested: 0 };
     let two_sided = Material::TwoSided { front: 0, back: 1 };
     vec![
         ("diffuse", vec![diffuse(0.5)]),
@@ -171,19 +115,10 @@ fn cases() -> Vec<Case> {
         ("tinted glass", vec![tinted]),
         ("plastic", vec![plastic(1.5, 0.6, 0.8, false, None)]),
         ("nonlinear plastic", vec![plastic(1.9, 0.9, 1.0, true, None)]),
-        (
-            "GGX plastic",
-            vec![plastic(1.5, 0.8, 1.0, false, Some(rough(Ggx, 0.3, 0.3)))],
-        ),
-        (
-            "Beckmann plastic",
-            vec![plastic(1.5, 0.3, 1.0, true, Some(rough(Beckmann, 0.2, 0.2)))],
-        ),
+        ("GGX plastic", vec![plastic(1.5, 0.8, 1.0, false, Some(rough(Ggx, 0.3, 0.3)))]),
+        ("Beckmann plastic", vec![plastic(1.5, 0.3, 1.0, true, Some(rough(Beckmann, 0.2, 0.2)))]),
         ("blend with a mirror", vec![diffuse(0.5), mirror, blend(0.4)]),
-        (
-            "blend with metal",
-            vec![diffuse(0.5), metal(rough(Ggx, 0.2, 0.5)), blend(0.6)],
-        ),
+        ("blend with metal", vec![diffuse(0.5), metal(rough(Ggx, 0.2, 0.5)), blend(0.6)]),
         ("masked diffuse", vec![diffuse(0.8), mask]),
         ("two sides", vec![diffuse(0.8), metal(rough(Ggx, 0.4, 0.2)), two_sided]),
     ]
@@ -191,24 +126,14 @@ fn cases() -> Vec<Case> {
 
 /// Directions to the viewer: near the normal, at an angle, grazing, and two below the surface.
 fn views() -> Vec<Vec3> {
-    [
-        [0.01, 0.02, 1.0],
-        [0.5, 0.3, 0.7],
-        [-0.8, 0.4, 0.4],
-        [0.3, -0.95, 0.08],
-        [0.3, 0.2, -0.7],
-        [-0.9, 0.1, -0.25],
-    ]
-    .map(|v| Vec3::from(v).normalize())
-    .to_vec()
+    [[0.01, 0.02, 1.0], [0.5, 0.3, 0.7], [-0.8, 0.4, 0.4], [0.3, -0.95, 0.08], [0.3, 0.2, -0.7], [-0.9, 0.1, -0.25]]
+        .map(|v| Vec3::from(v).normalize())
+        .to_vec()
 }
 
 fn resolve(materials: &[Material], at: &SurfacePoint, wo: Vec3) -> Bsdf {
     let (textures, images) = textures();
-    let textures = Textures {
-        textures: &textures,
-        images: &images,
-    };
+    let textures = Textures { textures: &textures, images: &images };
     Bsdf::new(materials, materials.len() as u32 - 1, textures, at, wo)
 }
 

@@ -104,11 +104,7 @@ fn weights_are_value_over_pdf_and_average_to_the_integral_of_the_value() {
                 continue;
             };
             let (f, pdf) = bsdf.eval_pdf(wo, s.wi, Transport::Radiance);
-            assert!(
-                (pdf - s.pdf_dir).abs() <= 1e-5 * pdf + 1e-7,
-                "{name}: {pdf} {}",
-                s.pdf_dir
-            );
+            assert!((pdf - s.pdf_dir).abs() <= 1e-5 * pdf + 1e-7, "{name}: {pdf} {}", s.pdf_dir);
             assert!((s.weight * pdf - f).abs().max_element() <= 1e-5 * f.max_element() + 1e-7);
             let y = s.weight.y as f64;
             sum += y;

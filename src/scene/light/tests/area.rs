@@ -46,11 +46,7 @@ fn expected(shape: &Shape, p: Vec3, scale: impl Fn(&SurfacePoint) -> f64) -> Vec
 
 /// The lamp point that was sampled, as a ray would find it.
 fn found(shape: &Shape, p: Vec3, q: &LampPoint) -> SurfacePoint {
-    let hit = ShapeHit {
-        t: q.distance,
-        u: q.barycentric.x,
-        v: q.barycentric.y,
-    };
+    let hit = ShapeHit { t: q.distance, u: q.barycentric.x, v: q.barycentric.y };
     shape.surface_point(0, 0, p, q.wi, hit)
 }
 
@@ -66,16 +62,8 @@ fn observed(shape: &Shape, p: Vec3, seed: u64, count: u64) -> Vec<f64> {
                 // rounded to 4e-6, on a surface of radius 1/2 seen at an angle that turns the normal by 1e-5 / cos.
                 let inside = matches!(&shape.geometry, Geometry::Sphere(s) if p.distance(s.center) < s.radius);
                 let by_area = inside || matches!(shape.geometry, Geometry::Disk(_) | Geometry::Cylinder(_));
-                let rounding = if by_area {
-                    1e-5 + 1e-5 / at.n_geo.dot(q.wi).powi(2)
-                } else {
-                    0.0
-                };
-                assert!(
-                    (back / q.pdf_dir - 1.0).abs() <= rounding,
-                    "{at:?}: {back} {}",
-                    q.pdf_dir
-                );
+                let rounding = if by_area { 1e-5 + 1e-5 / at.n_geo.dot(q.wi).powi(2) } else { 0.0 };
+                assert!((back / q.pdf_dir - 1.0).abs() <= rounding, "{at:?}: {back} {}", q.pdf_dir);
                 assert!(at.n_geo.dot(q.wi) < 2e-3, "the bright side");
                 cells[cell(&at)] += 1.0;
             }
@@ -88,12 +76,7 @@ fn observed(shape: &Shape, p: Vec3, seed: u64, count: u64) -> Vec<f64> {
 fn all() -> Vec<(&'static str, Shape, Vec<Vec3>)> {
     let v = Vec3::new;
     let one = Rgb::ONE;
-    let near = vec![
-        v(0.2, 0.3, 0.2),
-        v(-2.0, 1.0, 1.0),
-        v(3.0, 0.0, 0.3),
-        v(20.0, -9.0, 30.0),
-    ];
+    let near = vec![v(0.2, 0.3, 0.2), v(-2.0, 1.0, 1.0), v(3.0, 0.0, 0.3), v(20.0, -9.0, 30.0)];
     let shear = DMat4::from_cols_array_2d(&[
         [1.0, 0.2, 0.0, 0.0],
         [0.7, 0.9, 0.0, 0.0],
@@ -105,31 +88,15 @@ fn all() -> Vec<(&'static str, Shape, Vec<Vec3>)> {
     let cylinder = GeometryDesc::Cylinder { p0: DVec3::ZERO, p1: DVec3::Z, radius: 0.5 };
     let outside = vec![v(2.0, 0.5, 0.3), v(1.2, 0.0, 0.0), v(-30.0, 20.0, 5.0)];
     vec![
-        (
-            "rectangle",
-            lamp(GeometryDesc::Rectangle, stretch, false, one),
-            near.clone(),
-        ),
-        (
-            "parallelogram",
-            lamp(GeometryDesc::Rectangle, shear, false, one),
-            near.clone(),
-        ),
+        ("rectangle", lamp(GeometryDesc::Rectangle, stretch, false, one), near.clone()),
+        ("parallelogram", lamp(GeometryDesc::Rectangle, shear, false, one), near.clone()),
         ("triangle", lamp(tri(), DMat4::IDENTITY, false, one), near.clone()),
         ("disk", lamp(GeometryDesc::Disk, stretch, false, one), near),
         ("sphere", sphere(DVec3::ZERO, 1.0, false, 1.0), outside.clone()),
-        (
-            "sphere inside",
-            sphere(DVec3::ZERO, 1.0, true, 1.0),
-            vec![v(0.1, 0.2, -0.3), v(0.0, 0.8, 0.1)],
-        ),
+        ("sphere inside", sphere(DVec3::ZERO, 1.0, true, 1.0), vec![v(0.1, 0.2, -0.3), v(0.0, 0.8, 0.1)]),
         ("sphere far side", sphere(DVec3::ZERO, 1.0, true, 1.0), outside.clone()),
         ("cylinder", lamp(cylinder.clone(), DMat4::IDENTITY, false, one), outside),
-        (
-            "cylinder inside",
-            lamp(cylinder, DMat4::IDENTITY, true, one),
-            vec![v(0.1, 0.2, 0.4), v(1.0, 0.3, 2.0)],
-        ),
+        ("cylinder inside", lamp(cylinder, DMat4::IDENTITY, true, one), vec![v(0.1, 0.2, 0.4), v(1.0, 0.3, 2.0)]),
     ]
 }
 
@@ -144,11 +111,7 @@ fn sampled_points_follow_the_density_and_found_points_have_it() {
             seed += 1;
             let expected = expected(shape, p, |_| 1.0);
             let sum: f64 = expected[..CELLS * CELLS].iter().sum();
-            let whole = if name.contains("cylinder") {
-                sum < 1.001
-            } else {
-                (sum - 1.0).abs() < 3e-3
-            };
+            let whole = if name.contains("cylinder") { sum < 1.001 } else { (sum - 1.0).abs() < 3e-3 };
             assert!(whole, "{name} at {p}: the density integrates to {sum}");
             let counts: Vec<f64> = expected.iter().map(|e| e / sum.max(1.0) * count as f64).collect();
             let observed = observed(shape, p, seed, count);
@@ -211,12 +174,8 @@ fn tiny_and_distant_lamps_keep_their_digits() {
 fn nothing_is_sampled_from_the_dark_side_or_in_the_plane() {
     let rectangle = lamp(GeometryDesc::Rectangle, DMat4::IDENTITY, false, Rgb::ONE);
     let disk = lamp(GeometryDesc::Disk, DMat4::IDENTITY, false, Rgb::ONE);
-    let triangle = lamp(
-        triangles(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], vec![]),
-        DMat4::IDENTITY,
-        false,
-        Rgb::ONE,
-    );
+    let triangle =
+        lamp(triangles(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], vec![]), DMat4::IDENTITY, false, Rgb::ONE);
     for shape in [&rectangle, &disk, &triangle] {
         for p in [[0.1, 0.2, -1.0], [0.1, 0.2, 0.0], [5.0, 0.0, 0.0], [0.1, 0.2, 1e-8]] {
             assert!(sample(shape, 0, Vec3::from(p), Vec2::new(0.3, 0.6)).is_none(), "{p:?}");
@@ -225,10 +184,7 @@ fn nothing_is_sampled_from_the_dark_side_or_in_the_plane() {
     }
     let ball = sphere(DVec3::ZERO, 1.0, false, 1.0);
     assert!(sample(&ball, 0, Vec3::new(0.3, 0.0, 0.2), Vec2::splat(0.5)).is_none());
-    assert!(
-        sample(&ball, 0, Vec3::X, Vec2::splat(0.5)).is_none(),
-        "a point of the lamp itself"
-    );
+    assert!(sample(&ball, 0, Vec3::X, Vec2::splat(0.5)).is_none(), "a point of the lamp itself");
 }
 
 #[test]
@@ -249,10 +205,7 @@ fn triangles_without_area_are_lamps_without_light() {
     }
     let shapes = [shape];
     let all = lights(&shapes, &[]);
-    let drawn = (0..1000).filter(|&i| {
-        all.sample(&shapes, NO_TEXTURES, p, random(2, i, 0), random2(2, i))
-            .is_some()
-    });
+    let drawn = (0..1000).filter(|&i| all.sample(&shapes, NO_TEXTURES, p, random(2, i, 0), random2(2, i)).is_some());
     assert!(drawn.count() > 990);
 }
 

@@ -52,10 +52,7 @@ fn lookup_as_mitsuba() {
     ] {
         let found = all.environment(textures(&images), Vec3::from(d).normalize());
         // At the poles the azimuth is arbitrary: there Mitsuba's atan2(0, -0) is pi, ours as well.
-        assert!(
-            (found - Vec3::new(red, red + 1.0, red + 2.0)).length() < 2e-4,
-            "{d:?}: {found} {red}"
-        );
+        assert!((found - Vec3::new(red, red + 1.0, red + 2.0)).length() < 2e-4, "{d:?}: {found} {red}");
     }
     let turned = environment(&images, &[map(0, 2.0, DMat4::from_rotation_y(30f64.to_radians()))]);
     assert!((turned.environment(textures(&images), Vec3::X) - Vec3::new(31.0, 33.0, 35.0)).length() < 1e-4);
@@ -88,13 +85,7 @@ fn directions_follow_the_density_which_integrates_to_one() {
         &[map(0, 1.0, DMat4::IDENTITY)],
         &[map(1, 1.0, turn)],
         &[LightDesc::Constant { radiance: Rgb::ONE }],
-        &[
-            map(1, 2.0, turn),
-            LightDesc::Constant {
-                radiance: Rgb::splat(0.1),
-            },
-            map(0, 0.01, turn),
-        ],
+        &[map(1, 2.0, turn), LightDesc::Constant { radiance: Rgb::splat(0.1) }, map(0, 0.01, turn)],
     ];
     for (k, descs) in cases.iter().enumerate() {
         let all = environment(&images, descs);
@@ -104,13 +95,7 @@ fn directions_follow_the_density_which_integrates_to_one() {
         let count = 20_000u64;
         let mut observed = vec![0.0; 128];
         for i in 0..count {
-            let sample = all.sample(
-                &[],
-                textures(&images),
-                Vec3::ZERO,
-                random(k as u64, i, 0),
-                random2(k as u64, i),
-            );
+            let sample = all.sample(&[], textures(&images), Vec3::ZERO, random(k as u64, i, 0), random2(k as u64, i));
             let s = sample.expect("light from everywhere it is drawn");
             assert_eq!(s.pdf_dir, all.pdf_dir_environment(s.wi));
             assert_eq!(s.weight, all.environment(textures(&images), s.wi) / s.pdf_dir);
@@ -118,9 +103,7 @@ fn directions_follow_the_density_which_integrates_to_one() {
             observed[cell(s.wi)] += 1.0;
         }
         let scaled = |f: &dyn Fn(usize) -> f64| {
-            (0..128)
-                .map(|i| (cells[i] / sum * f(i) * count as f64).max(1e-3))
-                .collect::<Vec<f64>>()
+            (0..128).map(|i| (cells[i] / sum * f(i) * count as f64).max(1e-3)).collect::<Vec<f64>>()
         };
         let p = chi_square_p(&observed, &scaled(&|_| 1.0), 5.0);
         assert!(p > 0.0025, "{k}: p = {p}");

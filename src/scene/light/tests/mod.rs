@@ -46,9 +46,7 @@ pub(super) fn triangles(corners: &[[[f32; 3]; 3]], normals: Vec<Vec3>) -> Geomet
         positions: corners.iter().flatten().map(|&p| Vec3::from(p)).collect(),
         face_normals: normals.is_empty(),
         normals,
-        triangles: (0..corners.len() as u32)
-            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
-            .collect(),
+        triangles: (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
         ..MeshData::default()
     })
 }
