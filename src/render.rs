@@ -95,10 +95,10 @@ impl Job<'_> {
     fn sample(&self, x: u32, y: u32, pass: u64, counts: &mut Counts) -> FilmSample {
         let stream = (u64::from(y) << 32) | u64::from(x);
         let mut rng = Sampler::new(self.seed, stream, pass);
-        let [fx, fy, lens_x, lens_y] = rng.next_4d();
-        let (offset, weight) = self.filter.sample(Vec2::new(fx, fy));
+        let (offset, weight) = self.filter.sample(rng.next_2d());
+        let lens = if self.scene.camera.has_lens() { rng.next_2d() } else { Vec2::ZERO };
         let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + offset;
-        let ray = self.scene.camera.ray(at, Vec2::new(lens_x, lens_y));
+        let ray = self.scene.camera.ray(at, lens);
         let (radiance, features) = self.integrator.sample(&ray, pass, &mut rng, counts);
         counts.samples += 1;
         FilmSample { radiance, weight, features }

@@ -54,8 +54,8 @@ impl Sampler {
         }
     }
 
-    /// The next four dimensions, each in [0, 1). Those of one group are well distributed together, and so are the first
-    /// two and the last two: take one group per decision (a light sample, a scattered direction).
+    /// The next four dimensions, each in [0, 1). Those of one group are well distributed together, the first two best of
+    /// all (a (0,2)-sequence): take one group per decision (a light sample, a scattered direction), the point first.
     pub fn next_4d(&mut self) -> [f32; 4] {
         let group = self.group;
         self.group += 1;
@@ -106,16 +106,13 @@ mod tests {
     }
 
     #[test]
-    fn the_first_two_and_the_last_two_dimensions_are_stratified() {
-        for pair in [0, 2] {
-            let mut seen = [false; 256];
-            for i in 0..256 {
-                let u = Sampler::new(3, 11, i).next_4d();
-                seen[(u[pair] * 16.0) as usize * 16 + (u[pair + 1] * 16.0) as usize] = true;
-            }
-            let filled = seen.iter().filter(|&&s| s).count();
-            // 256 random points would fill 162 of the 256 cells.
-            assert!(filled > 200, "dimensions {pair} and {}: {filled} of 256 cells", pair + 1);
+    fn the_first_two_dimensions_are_a_net() {
+        let mut seen = [false; 256];
+        for i in 0..256 {
+            let [x, y, ..] = Sampler::new(3, 11, i).next_4d();
+            seen[(x * 16.0) as usize * 16 + (y * 16.0) as usize] = true;
         }
+        // 256 random points would fill 162 of the 256 cells.
+        assert!(seen.iter().all(|&s| s));
     }
 }

@@ -93,6 +93,11 @@ impl Camera {
         })
     }
 
+    /// Whether rays depend on the lens sample.
+    pub fn has_lens(&self) -> bool {
+        self.lens.is_some()
+    }
+
     /// The ray through film position `film` (pixels of the full image, (0,0) top left) from lens sample `u_lens`.
     pub fn ray(&self, film: Vec2, u_lens: Vec2) -> CameraRay {
         let lens = if self.lens.is_some() { sample_disk(u_lens) } else { Vec2::ZERO };
