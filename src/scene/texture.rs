@@ -52,7 +52,7 @@ pub enum Texture {
         /// Surface uv to picture uv.
         to_uv: Affine2,
     },
-    /// 2 x 2 checks per unit square: `color1` where u and v lie in the same half of their period, else `color0`.
+    /// 2 x 2 checks per unit square: `color0` where u and v lie in the same half of their period, else `color1`.
     Checkerboard {
         /// First colour.
         color0: Color,
@@ -173,7 +173,7 @@ impl Textures<'_> {
 fn check<'a>(to_uv: Affine2, uv: Vec2, color0: &'a Color, color1: &'a Color) -> &'a Color {
     let p = to_uv.transform_point2(uv);
     let upper = |x: f32| x - x.floor() > 0.5;
-    if upper(p.x) == upper(p.y) { color1 } else { color0 }
+    if upper(p.x) == upper(p.y) { color0 } else { color1 }
 }
 
 fn mean_channel(c: Rgb) -> f32 {
