@@ -1,6 +1,7 @@
 //! `dualux info`: what a scene holds.
 
 use super::Failure;
+use super::checks::idle_lamps;
 use super::load::{SceneArgs, filter_name};
 use crate::scene::{Geometry, Scene};
 use std::collections::BTreeMap;
@@ -57,9 +58,10 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let loaded = args.scene.read()?;
     let load_seconds = start.elapsed().as_secs_f64();
-    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-    let (scene, _accel) = args.scene.build(loaded.description)?;
+    let mut warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let (scene, accel) = args.scene.build(loaded.description)?;
     let build_seconds = start.elapsed().as_secs_f64() - load_seconds;
+    warnings.extend(idle_lamps(&scene, &accel).into_iter().map(|w| format!("warning: {w}")));
     let info = Info {
         file: args.scene.scene.display().to_string(),
         width: scene.film.width,

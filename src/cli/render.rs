@@ -1,9 +1,11 @@
 //! `dualux render`: a scene file becomes a picture.
 
+use super::checks::idle_lamps;
 use super::load::{SceneArgs, crop_film, scale_film};
 use super::output::{Aov, Output};
 use super::progress::Reporter;
 use super::{Failure, options};
+use crate::accel::Accel;
 use crate::formats::Diagnostic;
 use crate::image::exr_file::Attribute;
 use crate::image::metrics::Reference;
@@ -11,6 +13,7 @@ use crate::image::{Window, read_image};
 use crate::integrators::path::{Path, PathSettings};
 use crate::integrators::{Counts, Integrator, World};
 use crate::render::{InvalidSample, Progress, RenderSettings, render, replay, tiles_per_pass};
+use crate::scene::Scene;
 use crate::scene::description::IntegratorDesc;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -156,7 +159,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     reporter.finish();
 
     output.write(&done.film, done.passes, start.elapsed().as_secs_f64())?;
-    let remarks = remarks(&scene, &integrator, &done);
+    let remarks = remarks(&scene, &accel, &integrator, &done);
     let (mean, standard_error) = done.film.mean_and_error();
     let total_seconds = start.elapsed().as_secs_f64();
     if let Some(path) = &args.stats_json {
@@ -251,8 +254,9 @@ fn print_warnings(warnings: &[Diagnostic]) {
 }
 
 /// What the user should know after the run.
-fn remarks(scene: &crate::scene::Scene, integrator: &dyn Integrator, done: &Progress) -> Vec<String> {
+fn remarks(scene: &Scene, accel: &Accel, integrator: &dyn Integrator, done: &Progress) -> Vec<String> {
     let mut out = integrator.remarks(&done.counts);
+    out.extend(idle_lamps(scene, accel));
     if scene.shapes.is_empty() {
         out.push("the scene has no surface".into());
     }
