@@ -52,7 +52,9 @@ pub enum Texture {
         /// Surface uv to picture uv.
         to_uv: Affine2,
     },
-    /// 2 x 2 checks per unit square: `color0` where u and v lie in the same half of their period, else `color1`.
+    /// 2 x 2 checks per unit square: as a colour `color0` where u and v lie in the same half of their period, else
+    /// `color1`; as a scalar (roughness, opacity ...) the other way round. That is Mitsuba 3.9.1's inconsistency, kept so that
+    /// its files look the same.
     Checkerboard {
         /// First colour.
         color0: Color,
@@ -104,7 +106,7 @@ impl Textures<'_> {
             Texture::Bitmap { image, filter, wrap, to_uv } => {
                 self.images[*image as usize].eval(to_uv.transform_point2(uv), *filter, *wrap)
             }
-            Texture::Checkerboard { color0, color1, to_uv } => self.color(check(*to_uv, uv, color0, color1), uv),
+            Texture::Checkerboard { color0, color1, to_uv } => self.color(check(*to_uv, uv, [color0, color1]), uv),
             Texture::Scale { texture, factor } => self.eval(*texture, uv) * *factor,
         }
     }
@@ -113,7 +115,7 @@ impl Textures<'_> {
     pub fn eval_scalar(&self, id: TextureId, uv: Vec2) -> f32 {
         match &self.textures[id as usize] {
             Texture::Bitmap { .. } => luminance(self.eval(id, uv)),
-            Texture::Checkerboard { color0, color1, to_uv } => match check(*to_uv, uv, color0, color1) {
+            Texture::Checkerboard { color0, color1, to_uv } => match check(*to_uv, uv, [color1, color0]) {
                 Color::Constant(c) => mean_channel(*c),
                 Color::Texture(id) => self.eval_scalar(*id, uv),
             },
@@ -130,7 +132,7 @@ impl Textures<'_> {
                 let slope = self.images[*image as usize].slope(to_uv.transform_point2(uv), *wrap);
                 to_uv.matrix2.transpose() * slope
             }
-            Texture::Checkerboard { color0, color1, to_uv } => match check(*to_uv, uv, color0, color1) {
+            Texture::Checkerboard { color0, color1, to_uv } => match check(*to_uv, uv, [color1, color0]) {
                 Color::Constant(_) => Vec2::ZERO,
                 Color::Texture(id) => self.gradient(*id, uv),
             },
@@ -169,11 +171,11 @@ impl Textures<'_> {
     }
 }
 
-/// Which of the two colours of a checkerboard shows at `uv`.
-fn check<'a>(to_uv: Affine2, uv: Vec2, color0: &'a Color, color1: &'a Color) -> &'a Color {
+/// The first of two colours where the coordinates of a checkerboard lie in the same half of their period, else the second.
+fn check(to_uv: Affine2, uv: Vec2, [same, other]: [&Color; 2]) -> &Color {
     let p = to_uv.transform_point2(uv);
     let upper = |x: f32| x - x.floor() > 0.5;
-    if upper(p.x) == upper(p.y) { color0 } else { color1 }
+    if upper(p.x) == upper(p.y) { same } else { other }
 }
 
 fn mean_channel(c: Rgb) -> f32 {
