@@ -3,11 +3,13 @@
 //! Estimates   L(x, w) = Le + integral f(w, wi) L(x, wi) |cos| dwi by one path per camera sample
 //! Direct      one light sample per vertex, combined with the scattered direction by the power heuristic (beta = 2)
 //! Measure     all densities per solid angle at the vertex; light densities include the selection probability
+//! Passing     masks and null surfaces that a path goes straight through count neither for the depth nor as a vertex, and
+//!             light samples cross them: as Mitsuba's `volpath`, whereas its `path` counts them and lets them block
 //! Roulette    from depth `rr_depth`: the path survives with min(0.95, max channel of throughput x eta^2)
 //! Source      Kajiya 1986; Veach 1997, chapters 9 (MIS) and 10.2 (roulette)
 //! Bias        none
 //! Not handled participating media; light through smooth glass is found by chance only (`remarks` says how much of it there is)
-//! Verified by tests/furnace.rs (closed form), tests/agreement.rs (converged references of another renderer)
+//! Verified by tests/furnace.rs and tests/transport.rs (closed forms), tests/golden.rs (converged renders)
 
 use super::{Counts, Integrator, World};
 use crate::accel::{Hit, Ray};
@@ -31,7 +33,7 @@ pub struct PathSettings {
     pub max_depth: Option<u32>,
     /// Depth at which Russian roulette starts.
     pub rr_depth: u32,
-    /// Emitters are invisible to camera rays.
+    /// Camera rays go through lamps, whatever their material, and see no light from infinity.
     pub hide_emitters: bool,
 }
 
@@ -78,36 +80,31 @@ impl<'a> Path<'a> {
             && self.world.scene.passes_light[self.world.scene.shapes[shape as usize].material as usize]
     }
 
-    /// Share of light that reaches the end of a shadow ray: 0 or 1, or what masks and null surfaces let through.
-    fn transmittance(&self, mut ray: Ray, counts: &mut Counts) -> f32 {
+    /// Share of light that reaches the end of a shadow ray: 0 or 1, or what masks and null surfaces let through. With
+    /// `probe` it is counted whether what blocks the ray is specular.
+    fn transmittance(&self, mut ray: Ray, probe: bool, counts: &mut Counts) -> f32 {
         counts.shadow_rays += 1;
-        if !self.any_passes_light {
+        counts.probed_shadow_rays += u64::from(probe);
+        if !self.any_passes_light && !probe {
             return if self.world.accel.occluded(&ray) { 0.0 } else { 1.0 };
         }
         let mut through = 1.0;
         for _ in 0..MAX_PASSED_SURFACES {
             let Some(hit) = self.world.accel.closest(&ray) else { return through };
-            if !self.passes_light(hit.shape) {
+            let passes = self.passes_light(hit.shape);
+            if !passes && !probe {
                 return 0.0;
             }
             let at = self.surface(&ray, &hit);
-            through *= self.bsdf(&at, -ray.d).straight_through();
+            let bsdf = self.bsdf(&at, -ray.d);
+            through *= if passes { bsdf.straight_through() } else { 0.0 };
             if through <= 0.0 {
+                counts.blocked_by_specular += u64::from(probe && bsdf.is_delta());
                 return 0.0;
             }
-            let o = at.spawn_origin(ray.d);
-            ray = Ray { o, tmax: ray.tmax - hit.t, ..ray };
+            ray = Ray { o: at.spawn_origin(ray.d), tmax: ray.tmax - hit.t, ..ray };
         }
         0.0
-    }
-
-    /// Counts what a blocked shadow ray ended on.
-    fn probe(&self, ray: &Ray, counts: &mut Counts) {
-        counts.probed_shadow_rays += 1;
-        if let Some(hit) = self.world.accel.closest(ray) {
-            let at = self.surface(ray, &hit);
-            counts.blocked_by_specular += u64::from(self.bsdf(&at, -ray.d).is_delta());
-        }
     }
 
     /// Radiance from one light sample towards the point `at`, weighted against scattering into the same direction.
@@ -133,14 +130,7 @@ impl<'a> Path<'a> {
         }
         let tmax = distance * (1.0 - SHADOW_SHORTENING);
         let ray = Ray { o: at.spawn_origin(wi), d: wi, tmin: f32::MIN_POSITIVE, tmax };
-        let through = self.transmittance(ray, counts);
-        if pass == 0 {
-            if through == 0.0 {
-                self.probe(&ray, counts);
-            } else {
-                counts.probed_shadow_rays += 1;
-            }
-        }
+        let through = self.transmittance(ray, pass == 0, counts);
         let mis = if pdf_dir == 0.0 { 1.0 } else { power_heuristic(pdf_dir, pdf_bsdf) };
         f * weight * (mis * through)
     }
@@ -187,8 +177,17 @@ impl Integrator for Path<'_> {
             let at = self.surface(&ray, &hit);
             let wo = -ray.d;
 
+            if !emitters_seen && scene.shapes[at.shape as usize].emission.is_some() {
+                passed += 1;
+                if passed > MAX_PASSED_SURFACES {
+                    break;
+                }
+                ray = Ray { o: at.spawn_origin(ray.d), tmin: f32::MIN_POSITIVE, tmax: ray.tmax - hit.t, ..ray };
+                continue;
+            }
+
             // Emission found by the scattered ray.
-            if emitters_seen && scene.shapes[at.shape as usize].emission.is_some() {
+            if scene.shapes[at.shape as usize].emission.is_some() {
                 let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
                 if emitted != Rgb::ZERO {
                     let weight =
@@ -198,14 +197,13 @@ impl Integrator for Path<'_> {
             }
 
             let bsdf = self.bsdf(&at, wo);
-            if depth == 0 && passed == 0 {
+            if depth == 0 && features.shape == 0 {
                 features = self.features(&at, &bsdf, wo, camera.o);
             }
-            if self.settings.max_depth.is_some_and(|max| depth + 1 >= max) && !self.passes_light(at.shape) {
+            let last = self.settings.max_depth.is_some_and(|max| depth + 1 >= max);
+            if last && !self.passes_light(at.shape) {
                 break;
             }
-
-            let last = self.settings.max_depth.is_some_and(|max| depth + 1 >= max);
             if !last && !bsdf.is_delta() {
                 radiance += throughput * self.direct(&at, &bsdf, wo, pass, rng, counts);
             }
