@@ -38,7 +38,7 @@ mod fallback {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::super::layout::{Child, Node8, Tri4};
+    use super::super::layout::{Child, Node8, Tri4, View};
     use super::super::traverse::{self, Kernel, Near, Query, TriHits};
     use super::{Hit, Ray, Tree};
     use std::arch::x86_64::*;
@@ -100,7 +100,7 @@ mod x86 {
         }
 
         #[inline(always)]
-        fn prefetch(tree: &Tree, child: Child) {
+        fn prefetch(tree: View, child: Child) {
             let (start, lines) = if child.is_node() {
                 (tree.nodes.as_ptr().wrapping_add(child.index()) as *const i8, 4)
             } else {

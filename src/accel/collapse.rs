@@ -5,7 +5,9 @@
 
 use super::build::{Prim, quadric, triangle};
 use super::layout::{Child, Node8, Tree, Tri4};
+use super::pages::Pages;
 use super::plan::Plan;
+use super::quadric::Quadric;
 use super::traverse::LONG_STACK;
 use crate::scene::{Geometry, Shape};
 use arrayvec::ArrayVec;
@@ -24,10 +26,12 @@ pub(super) fn collapse(shapes: &[Shape], prims: &[Prim], bvh: &Bvh2, balanced_de
         bvh,
         plan: Plan::new(bvh, |i| triangle(shapes, &prims[i as usize]).is_some()),
         balanced_depth,
-        tree: Tree::default(),
+        nodes: Vec::new(),
+        tris: Vec::new(),
+        quadrics: Vec::new(),
     };
-    c.tree.stack_need = c.node(Part::Subtree(0), 0).1;
-    c.tree
+    let (_, stack_need) = c.node(Part::Subtree(0), 0);
+    Tree { nodes: Pages::new(c.nodes), tris: Pages::new(c.tris), quadrics: c.quadrics, stack_need }
 }
 
 /// Primitives that become a child: a subtree of the binary tree, or a list of primitives.
@@ -42,7 +46,9 @@ struct Collapse<'a> {
     bvh: &'a Bvh2,
     plan: Plan<'a>,
     balanced_depth: usize,
-    tree: Tree,
+    nodes: Vec<Node8>,
+    tris: Vec<Tri4>,
+    quadrics: Vec<Quadric>,
 }
 
 impl Collapse<'_> {
@@ -55,8 +61,8 @@ impl Collapse<'_> {
             Part::Subtree(root) => eighths(&self.primitives_below(root)),
             Part::List(list) => eighths(&list),
         };
-        let index = self.tree.nodes.len();
-        self.tree.nodes.push(Node8::EMPTY);
+        let index = self.nodes.len();
+        self.nodes.push(Node8::EMPTY);
         let mut node = Node8::EMPTY;
         let mut need = 0;
         for (slot, part) in parts.iter().enumerate() {
@@ -80,7 +86,7 @@ impl Collapse<'_> {
             node.children[slot] = Child::node(child);
             need = need.max(child_need);
         }
-        self.tree.nodes[index] = node;
+        self.nodes[index] = node;
         (index, need + siblings)
     }
 
@@ -101,8 +107,8 @@ impl Collapse<'_> {
         for (lane, &i) in list.iter().enumerate() {
             let prim = &self.prims[i as usize];
             let Some(vertices) = triangle(self.shapes, prim) else {
-                self.tree.quadrics.extend(quadric(self.shapes, prim));
-                return Some(Child::quadric(self.tree.quadrics.len() - 1));
+                self.quadrics.extend(quadric(self.shapes, prim));
+                return Some(Child::quadric(self.quadrics.len() - 1));
             };
             for (v, vertex) in vertices.iter().enumerate() {
                 for axis in 0..3 {
@@ -113,8 +119,8 @@ impl Collapse<'_> {
             pack.shape[lane] = prim.shape;
             pack.prim[lane] = if is_mesh { prim.part } else { 0 };
         }
-        self.tree.tris.push(pack);
-        Some(Child::triangles(self.tree.tris.len() - 1))
+        self.tris.push(pack);
+        Some(Child::triangles(self.tris.len() - 1))
     }
 
     fn bounds(&self, part: &Part) -> Aabb {

@@ -2,6 +2,7 @@
 //!
 //! * `layout`: the arrays that hold the tree; other walks (widened rays, footprints) read the same ones
 //! * `build`, `plan`, `collapse`: shapes to primitives, binary tree by obvhs, nodes of eight children
+//! * `pages`: memory for the arrays
 //! * `traverse`: nearest hit and occlusion, written once over a small `Kernel`
 //! * `portable`, `avx2`: the two kernels; every value they compute is equal bit for bit
 //! * `quadric`: spheres, disks and cylinders
@@ -17,6 +18,7 @@ mod avx2;
 mod build;
 mod collapse;
 pub(crate) mod layout;
+mod pages;
 mod plan;
 mod portable;
 mod quadric;

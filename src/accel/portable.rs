@@ -2,7 +2,7 @@
 //!
 //! It is also the readable form of the `avx2` kernel, which must give the same bits.
 
-use super::layout::{Child, Node8, Tree, Tri4};
+use super::layout::{Child, Node8, Tree, Tri4, View};
 use super::traverse::{self, Kernel, Near, Query, TriHits};
 use super::{Hit, Ray};
 
@@ -87,5 +87,5 @@ impl Kernel for Portable {
     }
 
     #[inline(always)]
-    fn prefetch(_: &Tree, _: Child) {}
+    fn prefetch(_: View, _: Child) {}
 }

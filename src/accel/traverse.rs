@@ -6,7 +6,7 @@
 //! right or it is zero. Zero counts as inside, hence no gap at an edge or vertex that triangles share (they may
 //! both be hit). The distance comes from the triangle's plane, so that on an axis-aligned wall its sign is exact.
 
-use super::layout::{Child, Node8, Tree, Tri4};
+use super::layout::{Child, Node8, Tree, Tri4, View};
 use super::{Hit, Ray};
 
 /// Twice the rounding error of a slab distance is 6 half ulps; 8 are allowed.
@@ -104,7 +104,7 @@ pub(super) trait Kernel {
     fn triangles(query: &Query, pack: &Tri4, hits: &mut TriHits) -> u32;
 
     /// Hint that a child will soon be read.
-    fn prefetch(tree: &Tree, child: Child);
+    fn prefetch(tree: View, child: Child);
 }
 
 /// Stack of children still to visit. An entry is the entry distance (bits of a float that is not negative: they
@@ -169,6 +169,7 @@ struct Overflow;
 #[inline(always)]
 pub(super) fn closest<K: Kernel>(tree: &Tree, ray: &Ray) -> Option<Hit> {
     let mut query = Query::new(ray)?;
+    let tree = tree.view();
     closest_with::<K, SHORT_STACK>(tree, ray, &mut query)
         .or_else(|Overflow| closest_with::<K, LONG_STACK>(tree, ray, &mut Query::new(ray).ok_or(Overflow)?))
         .unwrap_or(None)
@@ -178,13 +179,14 @@ pub(super) fn closest<K: Kernel>(tree: &Tree, ray: &Ray) -> Option<Hit> {
 #[inline(always)]
 pub(super) fn occluded<K: Kernel>(tree: &Tree, ray: &Ray) -> bool {
     let Some(query) = Query::new(ray) else { return false };
+    let tree = tree.view();
     occluded_with::<K, SHORT_STACK>(tree, ray, &query)
         .or_else(|Overflow| occluded_with::<K, LONG_STACK>(tree, ray, &query))
         .unwrap_or(false)
 }
 
 #[inline(always)]
-fn closest_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray, query: &mut Query) -> Result<Option<Hit>, Overflow> {
+fn closest_with<K: Kernel, const N: usize>(tree: View, ray: &Ray, query: &mut Query) -> Result<Option<Hit>, Overflow> {
     let mut best: Option<Hit> = None;
     let mut current;
     let Some(mut node) = tree.nodes.first() else {
@@ -255,7 +257,7 @@ fn sort_descending(entries: &mut [u64]) {
 
 /// Takes the hits of a leaf into `best`. Of hits at equal t the lowest (shape, prim) wins.
 #[inline(always)]
-fn leaf<K: Kernel>(tree: &Tree, child: Child, ray: &Ray, query: &mut Query, best: &mut Option<Hit>) {
+fn leaf<K: Kernel>(tree: View, child: Child, ray: &Ray, query: &mut Query, best: &mut Option<Hit>) {
     let mut consider = |query: &mut Query, hit: Hit| {
         let wins = match best {
             Some(b) => hit.t < b.t || (hit.t == b.t && (hit.shape, hit.prim) < (b.shape, b.prim)),
@@ -293,7 +295,7 @@ fn leaf<K: Kernel>(tree: &Tree, child: Child, ray: &Ray, query: &mut Query, best
 const NO_HITS: TriHits = TriHits { edge: [[0.0; 4]; 3], det: [0.0; 4], t: [0.0; 4] };
 
 #[inline(always)]
-fn occluded_with<K: Kernel, const N: usize>(tree: &Tree, ray: &Ray, query: &Query) -> Result<bool, Overflow> {
+fn occluded_with<K: Kernel, const N: usize>(tree: View, ray: &Ray, query: &Query) -> Result<bool, Overflow> {
     if tree.nodes.is_empty() {
         return Ok(false);
     }
