@@ -101,14 +101,15 @@ mod x86 {
 
         #[inline(always)]
         fn prefetch(tree: View, child: Child) {
-            let (start, lines) = if child.is_node() {
-                (tree.nodes.as_ptr().wrapping_add(child.index()) as *const i8, 4)
+            let start = if child.is_node() {
+                tree.nodes.as_ptr().wrapping_add(child.index()) as *const i8
             } else {
-                (tree.tris.as_ptr().wrapping_add(child.index()) as *const i8, 3)
+                tree.tris.as_ptr().wrapping_add(child.index()) as *const i8
             };
-            for line in 0..lines {
+            // As many lines as a node has. A pack has two; the next one often is wanted as well.
+            for line in [0, 64, 128, 192] {
                 // SAFETY: a prefetch does not access memory in the sense of the language; any address is allowed.
-                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
             }
         }
     }
@@ -140,21 +141,34 @@ mod x86 {
 
     /// Macros in place of closures, and no `target_feature` of its own: so that it is always inlined.
     ///
+    /// Vertices are sheared before they are dealt out to the lanes. The upper half of a register works on other edges
+    /// than the lower one.
+    ///
     /// # Safety
     /// To be inlined into functions with AVX2 only.
     #[inline(always)]
     unsafe fn triangles(query: &Query, pack: &Tri4, hits: &mut TriHits) -> u32 {
-        macro_rules! vertex {
-            ($v:expr, $axis:expr) => {{
-                let row = 3 * $v + $axis;
-                debug_assert!(row < 9);
-                _mm_load_ps(pack.v.as_ptr().add(row) as *const f32)
-            }};
-        }
-        // SAFETY: the processor has AVX2, says the caller. Loads: vertex and axis (also where it comes from `Query::k`) are 0
-        // to 2, so there is such a row; rows are 16-byte aligned, as a pack is and they are its first 9 x 16 bytes.
-        // Stores go to four floats each, without need for alignment.
+        // SAFETY: the processor has AVX2, says the caller. Row loads: an axis (also where it comes from `Query::k`) is 0 to 2, so
+        // there is such a row; rows are 32-byte aligned, as a pack is and they are its first 3 x 32 bytes. The two loads
+        // of corners read bytes 0 to 7 and 4 to 11 of 12. Stores go to as many floats as they write (edges 0 and 1 are
+        // adjacent), without need for alignment. A permutation takes the lowest three bits of an index only.
         unsafe {
+            macro_rules! row {
+                ($axis:expr) => {{
+                    debug_assert!($axis < 3);
+                    _mm256_load_ps(pack.points.as_ptr().add($axis) as *const f32)
+                }};
+            }
+            macro_rules! low {
+                ($v:expr) => {
+                    _mm256_castps256_ps128($v)
+                };
+            }
+            macro_rules! high {
+                ($v:expr) => {
+                    _mm256_extractf128_ps::<1>($v)
+                };
+            }
             macro_rules! cross {
                 ($px:expr, $qy:expr, $py:expr, $qx:expr) => {
                     _mm_sub_ps(_mm_mul_ps($px, $qy), _mm_mul_ps($py, $qx))
@@ -166,54 +180,56 @@ mod x86 {
                     _mm_add_ps(xy, _mm_mul_ps($a.2, $z))
                 }};
             }
-            macro_rules! sheared {
-                ($v:expr) => {{
-                    let [kx, ky, kz] = query.k;
-                    let z = _mm_sub_ps(vertex!($v, kz), _mm_set1_ps(query.o_k[2]));
-                    let x = _mm_sub_ps(vertex!($v, kx), _mm_set1_ps(query.o_k[0]));
-                    let y = _mm_sub_ps(vertex!($v, ky), _mm_set1_ps(query.o_k[1]));
-                    (
-                        _mm_sub_ps(x, _mm_mul_ps(_mm_set1_ps(query.shear[0]), z)),
-                        _mm_sub_ps(y, _mm_mul_ps(_mm_set1_ps(query.shear[1]), z)),
-                    )
-                }};
-            }
-            let ((ax, ay), (bx, by), (cx, cy)) = (sheared!(0), sheared!(1), sheared!(2));
-            let a = cross!(cx, by, cy, bx);
-            let b = cross!(ax, cy, ay, cx);
-            let c = cross!(bx, ay, by, ax);
+            let corners = pack.corners.as_ptr() as *const u8;
+            let bc = _mm256_cvtepu8_epi32(_mm_loadl_epi64(corners as *const __m128i));
+            let ca = _mm256_cvtepu8_epi32(_mm_loadl_epi64(corners.add(4) as *const __m128i));
+
+            let [kx, ky, kz] = query.k;
+            let z = _mm256_sub_ps(row!(kz), _mm256_set1_ps(query.o_k[2]));
+            let x = _mm256_sub_ps(row!(kx), _mm256_set1_ps(query.o_k[0]));
+            let y = _mm256_sub_ps(row!(ky), _mm256_set1_ps(query.o_k[1]));
+            let x = _mm256_sub_ps(x, _mm256_mul_ps(_mm256_set1_ps(query.shear[0]), z));
+            let y = _mm256_sub_ps(y, _mm256_mul_ps(_mm256_set1_ps(query.shear[1]), z));
+            let (bc_x, bc_y) = (_mm256_permutevar8x32_ps(x, bc), _mm256_permutevar8x32_ps(y, bc));
+            let (ca_x, ca_y) = (_mm256_permutevar8x32_ps(x, ca), _mm256_permutevar8x32_ps(y, ca));
+            let ab = _mm256_sub_ps(_mm256_mul_ps(ca_x, bc_y), _mm256_mul_ps(ca_y, bc_x));
+            let (a, b) = (low!(ab), high!(ab));
+            let c = cross!(low!(bc_x), high!(ca_y), low!(bc_y), high!(ca_x));
             let zero = _mm_setzero_ps();
             let all_above = _mm_cmp_ps::<_CMP_GE_OQ>(_mm_min_ps(_mm_min_ps(a, b), c), zero);
             let all_below = _mm_cmp_ps::<_CMP_LE_OQ>(_mm_max_ps(_mm_max_ps(a, b), c), zero);
-            let inside = _mm_or_ps(all_above, all_below);
+            let det = _mm_add_ps(_mm_add_ps(a, b), c);
+            let area = _mm_cmp_ps::<_CMP_NEQ_OQ>(det, zero);
+            let inside = _mm_and_ps(_mm_or_ps(all_above, all_below), area);
             if _mm_movemask_ps(inside) == 0 {
                 return 0;
             }
-            let det = _mm_add_ps(_mm_add_ps(a, b), c);
-            let inside = _mm_and_ps(inside, _mm_cmp_ps::<_CMP_NEQ_OQ>(det, zero));
-            macro_rules! edge {
-                ($v:expr, $axis:expr) => {
-                    _mm_sub_ps(vertex!($v, $axis), vertex!(0, $axis))
-                };
+            let a_only = _mm256_castsi256_ps(ca);
+            let aa = _mm256_castps_si256(_mm256_permute2f128_ps::<0x11>(a_only, a_only));
+            // First vertices, and edges from there to the second and third ones.
+            macro_rules! edges {
+                ($axis:expr) => {{
+                    let first = _mm256_permutevar8x32_ps(row!($axis), aa);
+                    let edges = _mm256_sub_ps(_mm256_permutevar8x32_ps(row!($axis), bc), first);
+                    (low!(first), low!(edges), high!(edges))
+                }};
             }
-            let (e1x, e1y, e1z) = (edge!(1, 0), edge!(1, 1), edge!(1, 2));
-            let (e2x, e2y, e2z) = (edge!(2, 0), edge!(2, 1), edge!(2, 2));
+            let ((ax, e1x, e2x), (ay, e1y, e2y), (az, e1z, e2z)) = (edges!(0), edges!(1), edges!(2));
             let n = (cross!(e1y, e2z, e1z, e2y), cross!(e1z, e2x, e1x, e2z), cross!(e1x, e2y, e1y, e2x));
             macro_rules! from {
-                ($axis:expr) => {
-                    _mm_sub_ps(vertex!(0, $axis), _mm_set1_ps(query.o[$axis]))
+                ($a:expr, $axis:expr) => {
+                    _mm_sub_ps($a, _mm_set1_ps(query.o[$axis]))
                 };
             }
             let [dx, dy, dz] = query.d;
-            let num = dot!(n, from!(0), from!(1), from!(2));
+            let num = dot!(n, from!(ax, 0), from!(ay, 1), from!(az, 2));
             let den = dot!(n, _mm_set1_ps(dx), _mm_set1_ps(dy), _mm_set1_ps(dz));
             let t = _mm_div_ps(num, den);
             let after = _mm_cmp_ps::<_CMP_LE_OQ>(_mm_set1_ps(query.tmin), t);
             let before = _mm_cmp_ps::<_CMP_LE_OQ>(t, _mm_set1_ps(query.tmax));
             let mask = _mm_movemask_ps(_mm_and_ps(inside, _mm_and_ps(after, before))) as u32;
             if mask != 0 {
-                _mm_storeu_ps(hits.edge[0].as_mut_ptr(), a);
-                _mm_storeu_ps(hits.edge[1].as_mut_ptr(), b);
+                _mm256_storeu_ps(hits.edge.as_mut_ptr() as *mut f32, ab);
                 _mm_storeu_ps(hits.edge[2].as_mut_ptr(), c);
                 _mm_storeu_ps(hits.det.as_mut_ptr(), det);
                 _mm_storeu_ps(hits.t.as_mut_ptr(), t);

@@ -24,7 +24,7 @@ pub(super) fn collapse(shapes: &[Shape], prims: &[Prim], bvh: &Bvh2, balanced_de
         shapes,
         prims,
         bvh,
-        plan: Plan::new(bvh, |i| triangle(shapes, &prims[i as usize]).is_some()),
+        plan: Plan::new(bvh, |list| can_pack(shapes, prims, list)),
         balanced_depth,
         nodes: Vec::new(),
         tris: Vec::new(),
@@ -90,37 +90,24 @@ impl Collapse<'_> {
         (index, need + siblings)
     }
 
-    fn fits(&self, list: &[u32]) -> bool {
-        let is_triangle = |&i: &u32| triangle(self.shapes, &self.prims[i as usize]).is_some();
-        list.len() == 1 || list.len() <= 4 && list.iter().all(is_triangle)
-    }
-
     /// Appends the leaf for a part, if it fits into one.
     fn leaf(&mut self, part: &Part) -> Option<Child> {
-        let list: ArrayVec<u32, 4> = match part {
-            Part::Subtree(root) if self.plan.is_leaf(*root) => self.primitives_below(*root).into_iter().collect(),
-            Part::Subtree(_) => return None,
-            Part::List(list) if self.fits(list) => list.iter().copied().collect(),
-            Part::List(_) => return None,
-        };
-        let mut pack = Tri4::EMPTY;
-        for (lane, &i) in list.iter().enumerate() {
-            let prim = &self.prims[i as usize];
-            let Some(vertices) = triangle(self.shapes, prim) else {
-                self.quadrics.extend(quadric(self.shapes, prim));
-                return Some(Child::quadric(self.quadrics.len() - 1));
-            };
-            for (v, vertex) in vertices.iter().enumerate() {
-                for axis in 0..3 {
-                    pack.v[3 * v + axis][lane] = vertex[axis];
-                }
+        let below;
+        let list = match part {
+            Part::Subtree(root) if self.plan.is_leaf(*root) => {
+                below = self.plan.primitives_below(*root);
+                below.as_slice()
             }
-            let is_mesh = matches!(self.shapes[prim.shape as usize].geometry, Geometry::Mesh(_));
-            pack.shape[lane] = prim.shape;
-            pack.prim[lane] = if is_mesh { prim.part } else { 0 };
+            Part::Subtree(_) => return None,
+            Part::List(list) => list,
+        };
+        if let Some(pack) = pack(self.shapes, self.prims, list) {
+            self.tris.push(pack);
+            return Some(Child::triangles(self.tris.len() - 1));
         }
-        self.tris.push(pack);
-        Some(Child::triangles(self.tris.len() - 1))
+        let [single] = list else { return None };
+        self.quadrics.extend(quadric(self.shapes, &self.prims[*single as usize]));
+        Some(Child::quadric(self.quadrics.len() - 1))
     }
 
     fn bounds(&self, part: &Part) -> Aabb {
@@ -144,6 +131,33 @@ impl Collapse<'_> {
         }
         found
     }
+}
+
+/// Whether primitives fit into one pack.
+fn can_pack(shapes: &[Shape], prims: &[Prim], list: &[u32]) -> bool {
+    if 3 * list.len() > Tri4::POINTS {
+        return pack(shapes, prims, list).is_some();
+    }
+    // So few triangles cannot have too many vertices, which then need not be looked at.
+    let shape = |i: &u32| prims[*i as usize].shape;
+    let is_flat = |i| matches!(shapes[shape(i) as usize].geometry, Geometry::Mesh(_) | Geometry::Rectangle(_));
+    list.iter().all(|i| is_flat(i) && shape(i) == shape(&list[0]))
+}
+
+/// Packs primitives, if they fit into one pack.
+fn pack(shapes: &[Shape], prims: &[Prim], list: &[u32]) -> Option<Tri4> {
+    let shape = prims[*list.first()? as usize].shape;
+    let is_mesh = matches!(shapes[shape as usize].geometry, Geometry::Mesh(_));
+    let mut triangles = ArrayVec::<_, { Tri4::LANES }>::new();
+    for &i in list {
+        let prim = &prims[i as usize];
+        let number = if is_mesh { prim.part } else { 0 };
+        if prim.shape != shape {
+            return None;
+        }
+        triangles.try_push((number, triangle(shapes, prim)?)).ok()?;
+    }
+    Tri4::new(shape, &triangles)
 }
 
 /// Up to eight parts of nearly equal length.

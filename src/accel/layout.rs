@@ -6,6 +6,8 @@
 
 use super::pages::Pages;
 use super::quadric::Quadric;
+use crate::math::Vec3;
+use arrayvec::ArrayVec;
 use bytemuck::{Pod, Zeroable};
 
 /// Reference to what lies in a box: a node, a pack of triangles or a quadric.
@@ -74,23 +76,61 @@ impl Node8 {
     };
 }
 
-/// Up to four triangles. Unused lanes come last, have all vertices at zero and are never hit.
+/// Up to four triangles of one shape with at most eight different vertices. Unused lanes come last, have one vertex three
+/// times and are never hit.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Tri4 {
-    /// Rows: 3 * vertex + axis. Columns: lanes.
-    pub v: [[f32; 4]; 9],
-    /// Shape of each lane; `u32::MAX` in unused ones.
-    pub shape: [u32; 4],
-    /// Triangle of the shape's mesh (0 for rectangles).
+    /// The vertices. Rows: axes.
+    pub points: [[f32; 8]; 3],
+    /// Columns of `points`. Rows: second, third, first vertex. Columns: lanes.
+    pub corners: [[u8; 4]; 3],
+    /// Shape of all lanes.
+    pub shape: u32,
+    /// Triangle of the shape's mesh (0 for rectangles); `u32::MAX` in unused lanes.
     pub prim: [u32; 4],
-    /// Fills the last cache line.
-    pub _unused: [u32; 4],
 }
 
 impl Tri4 {
-    /// A pack with no lane in use.
-    pub const EMPTY: Tri4 = Tri4 { v: [[0.0; 4]; 9], shape: [u32::MAX; 4], prim: [u32::MAX; 4], _unused: [0; 4] };
+    /// Triangles that a pack takes.
+    pub const LANES: usize = 4;
+    /// Vertices that a pack takes.
+    pub const POINTS: usize = 8;
+
+    /// Packs triangles of one shape, given with their numbers. None if they are too many or have too many vertices.
+    pub fn new(shape: u32, triangles: &[(u32, [Vec3; 3])]) -> Option<Self> {
+        let mut pack = Tri4 { points: [[0.0; 8]; 3], corners: [[0; 4]; 3], shape, prim: [u32::MAX; 4] };
+        let mut points = ArrayVec::<Vec3, { Self::POINTS }>::new();
+        for (lane, (prim, vertices)) in triangles.iter().enumerate() {
+            *pack.prim.get_mut(lane)? = *prim;
+            for (v, vertex) in vertices.iter().enumerate() {
+                pack.corners[(v + 2) % 3][lane] = index_of(&mut points, *vertex)?;
+            }
+        }
+        for (column, point) in points.iter().enumerate() {
+            for axis in 0..3 {
+                pack.points[axis][column] = point[axis];
+            }
+        }
+        Some(pack)
+    }
+
+    /// A coordinate of a vertex (0 to 2) of a lane.
+    #[inline(always)]
+    pub fn vertex(&self, lane: usize, v: usize, axis: usize) -> f32 {
+        self.points[axis][(self.corners[(v + 2) % 3][lane] & 7) as usize]
+    }
+}
+
+/// Where in the list a point is, after it has been added if need be. None if the list is full.
+fn index_of(points: &mut ArrayVec<Vec3, { Tri4::POINTS }>, point: Vec3) -> Option<u8> {
+    // Bits, for the sign of zero.
+    let bits = |p: &Vec3| p.to_array().map(f32::to_bits);
+    let index = points.iter().position(|p| bits(p) == bits(&point)).unwrap_or(points.len());
+    if index == points.len() {
+        points.try_push(point).ok()?;
+    }
+    Some(index as u8)
 }
 
 /// The whole tree. Nodes come before their descendants.
@@ -115,8 +155,56 @@ pub(crate) struct View<'a> {
 }
 
 impl Tree {
+    /// The arrays.
     #[inline(always)]
     pub fn view(&self) -> View<'_> {
         View { nodes: &self.nodes, tris: &self.tris, quadrics: &self.quadrics }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A strip of triangles: each shares two vertices with the one before.
+    fn strip(count: usize) -> Vec<(u32, [Vec3; 3])> {
+        let point = |i: usize| Vec3::new(i as f32, (i * i) as f32, -0.0);
+        (0..count).map(|i| (7 + i as u32, [point(i), point(i + 1), point(i + 2)])).collect()
+    }
+
+    #[test]
+    fn packs_keep_vertices_and_their_order() {
+        for count in 1..=4 {
+            let triangles = strip(count);
+            let pack = Tri4::new(3, &triangles).unwrap();
+            for (lane, (prim, vertices)) in triangles.iter().enumerate() {
+                assert_eq!((pack.shape, pack.prim[lane]), (3, *prim));
+                for (v, vertex) in vertices.iter().enumerate() {
+                    for axis in 0..3 {
+                        assert_eq!(pack.vertex(lane, v, axis).to_bits(), vertex[axis].to_bits());
+                    }
+                }
+            }
+            for lane in count..4 {
+                assert_eq!(pack.prim[lane], u32::MAX);
+                assert!((0..3).all(|axis| (1..3).all(|v| pack.vertex(lane, v, axis) == pack.vertex(lane, 0, axis))));
+            }
+        }
+    }
+
+    #[test]
+    fn packs_refuse_what_they_cannot_hold() {
+        assert!(Tri4::new(0, &strip(5)).is_none());
+        // Far apart: three vertices each.
+        let apart = |n: usize| strip(7).into_iter().step_by(3).take(n).collect::<Vec<_>>();
+        assert!(Tri4::new(0, &apart(2)).is_some());
+        assert!(Tri4::new(0, &apart(3)).is_none());
+    }
+
+    #[test]
+    fn zeros_of_different_sign_are_different_vertices() {
+        let [a, b] = [Vec3::X, Vec3::Y];
+        let pack = Tri4::new(0, &[(0, [a, b, Vec3::ZERO]), (1, [a, b, -Vec3::ZERO])]).unwrap();
+        assert!(pack.vertex(0, 2, 0).is_sign_positive() && pack.vertex(1, 2, 0).is_sign_negative());
     }
 }

@@ -1,7 +1,7 @@
 //! Arrays in large pages of memory, read-only once made.
 //!
 //! A walk over a big tree jumps about in tens of megabytes. With pages of 4 KiB most of its reads also miss the
-//! processor's table of pages; with pages of 2 MiB hardly any does (diffuse rays over 1 M triangles: 6 to 9 % faster). Linux gives such pages
+//! processor's table of pages; with pages of 2 MiB hardly any does (diffuse rays over 1 M triangles: about 10 % faster). Linux gives such pages
 //! to those who ask (`madvise`); Embree asks as well. Elsewhere, for small arrays, or where memory cannot be had so,
 //! the array stays what it was.
 

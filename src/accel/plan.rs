@@ -6,6 +6,7 @@
 //!   C(n, i) = min(C(n, i-1), D(n, i)),   D(n, i) = min over k of C(left, k) + C(right, i-k).
 //! Differing from the paper, what fits into a leaf always becomes one.
 
+use super::layout::Tri4;
 use arrayvec::ArrayVec;
 use obvhs::bvh2::Bvh2;
 
@@ -14,7 +15,7 @@ use obvhs::bvh2::Bvh2;
 const LEAF_COST: f32 = 0.6;
 
 /// Primitives of a leaf.
-const LEAF_SIZE: u8 = 4;
+const LEAF_SIZE: u8 = Tri4::LANES as u8;
 
 /// What is known of a subtree.
 #[derive(Clone, Copy, Debug, Default)]
@@ -35,8 +36,8 @@ pub(super) struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// Plans the tree. `is_triangle` tells whether a primitive can share a leaf with others.
-    pub fn new(bvh: &'a Bvh2, is_triangle: impl Fn(u32) -> bool) -> Self {
+    /// Plans the tree. `fits` tells whether some primitives can share a leaf, or one be in a leaf with others.
+    pub fn new(bvh: &'a Bvh2, fits: impl Fn(&[u32]) -> bool) -> Self {
         let mut plan = Plan { bvh, entries: vec![Entry::default(); bvh.nodes.len()] };
         // Parents before children; taken backwards, children first.
         let mut order = Vec::with_capacity(bvh.nodes.len());
@@ -49,23 +50,23 @@ impl<'a> Plan<'a> {
             }
         }
         for n in order.into_iter().rev() {
-            plan.entries[n as usize] = plan.entry(n, &is_triangle);
+            plan.entries[n as usize] = plan.entry(n, &fits);
         }
         plan
     }
 
-    fn entry(&self, n: u32, is_triangle: impl Fn(u32) -> bool) -> Entry {
+    fn entry(&self, n: u32, fits: impl Fn(&[u32]) -> bool) -> Entry {
         let node = &self.bvh.nodes[n as usize];
         let area = node.aabb().half_area();
         let leaf = |size| Entry { cost: [area * LEAF_COST; 7], split: [0; 8], size, fits: true };
         if node.is_leaf() {
-            let alone = !is_triangle(self.bvh.primitive_indices[node.first_index as usize]);
+            let alone = !fits(&[self.bvh.primitive_indices[node.first_index as usize]]);
             return leaf(if alone { LEAF_SIZE + 1 } else { 1 });
         }
         let (left, right) = (self.children(n)[0], self.children(n)[1]);
         let size = (left.size + right.size).min(LEAF_SIZE + 1);
         let mut entry = leaf(size);
-        entry.fits = size <= LEAF_SIZE;
+        entry.fits = size <= LEAF_SIZE && left.fits && right.fits && fits(&self.primitives_below(n));
         // D(n, i) for i = 2 to 8, at i - 1.
         let mut distributed = [f32::INFINITY; 8];
         for slots in 2..=8usize {
@@ -91,6 +92,22 @@ impl<'a> Plan<'a> {
             entry.split[1..7].fill(0);
         }
         entry
+    }
+
+    /// Primitives of a subtree with no more of them than a leaf takes.
+    pub fn primitives_below(&self, n: u32) -> ArrayVec<u32, { LEAF_SIZE as usize }> {
+        let mut found = ArrayVec::new();
+        let mut todo = ArrayVec::<u32, { LEAF_SIZE as usize }>::new();
+        todo.push(n);
+        while let Some(n) = todo.pop() {
+            let node = &self.bvh.nodes[n as usize];
+            if node.is_leaf() {
+                found.push(self.bvh.primitive_indices[node.first_index as usize]);
+            } else {
+                todo.extend([node.first_index + 1, node.first_index]);
+            }
+        }
+        found
     }
 
     fn children(&self, n: u32) -> &[Entry] {

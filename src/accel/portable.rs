@@ -50,7 +50,7 @@ impl Kernel for Portable {
     fn triangles(query: &Query, pack: &Tri4, hits: &mut TriHits) -> u32 {
         let mut mask = 0;
         for i in 0..4 {
-            let vertex = |v: usize, axis: usize| pack.v[3 * v + axis][i];
+            let vertex = |v: usize, axis: usize| pack.vertex(i, v, axis);
             // Vertices in the sheared system with the ray on its third axis.
             let sheared = |v: usize| {
                 let [kx, ky, kz] = query.k;

@@ -285,7 +285,7 @@ fn leaf<K: Kernel>(tree: View, child: Child, ray: &Ray, query: &mut Query, best:
             t: hits.t[lane],
             u: hits.edge[1][lane] / hits.det[lane],
             v: hits.edge[2][lane] / hits.det[lane],
-            shape: pack.shape[lane],
+            shape: pack.shape,
             prim: pack.prim[lane],
         };
         consider(query, hit);
