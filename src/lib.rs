@@ -7,13 +7,15 @@
 //! 2. [`mod@image`]: film, image files, metrics
 //! 3. [`scene`], [`formats`]: what a scene is, and the files that describe one
 //! 4. [`accel`]: ray queries over a scene
-//! 5. [`integrators`]: light transport
-//! 6. [`render`], [`cli`]: the main loop and the command line
+//! 5. [`edge`]: which edges a footprint of rays sees
+//! 6. [`integrators`]: light transport
+//! 7. [`render`], [`cli`]: the main loop and the command line
 
 #![warn(missing_docs)]
 
 pub mod accel;
 pub mod cli;
+pub mod edge;
 pub mod formats;
 pub mod image;
 pub mod integrators;

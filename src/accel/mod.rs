@@ -6,6 +6,7 @@
 //! * `traverse`: nearest hit and occlusion, written once over a small `Kernel`
 //! * `portable`, `avx2`: the two kernels; every value they compute is equal bit for bit
 //! * `quadric`: spheres, disks and cylinders
+//! * [`footprint`]: the walk with a beam, for the edge detector
 //!
 //! Precision: triangles are tested watertight (Woop et al. 2013): neighbours never leave a gap at the edge or vertex they
 //! share. Boxes are conservative. No constant here has a unit of length, so that scenes of any scale behave alike.
@@ -17,6 +18,7 @@
 mod avx2;
 mod build;
 mod collapse;
+pub mod footprint;
 pub(crate) mod layout;
 mod pages;
 mod plan;
@@ -112,11 +114,5 @@ impl Accel {
             Some(avx2) => avx2.occluded(&self.tree, ray),
             None => portable::occluded(&self.tree, ray),
         }
-    }
-
-    /// The tree, read-only, for other walks over it.
-    #[allow(dead_code)] // for the footprint walk of the edge detector
-    pub(crate) fn tree(&self) -> &Tree {
-        &self.tree
     }
 }

@@ -3,7 +3,7 @@
 //! Results go to stdout, progress and messages to stderr. Exit code 0; 1 for a scene or run-time error; 2 for a wrong
 //! command line.
 
-mod checks;
+mod edges;
 mod info;
 mod load;
 mod metric;
@@ -34,6 +34,8 @@ enum Command {
     Render(Box<render::RenderArgs>),
     /// Say what a scene holds: shapes, triangles, lights and their power, warnings, and which integrator will run.
     Info(info::InfoArgs),
+    /// Draw and score the map of edges that derivatives predict.
+    Edges(edges::EdgesArgs),
     /// Compare an image with a reference.
     Metric(metric::MetricArgs),
     /// Print a completion script for a shell.
@@ -50,6 +52,7 @@ pub fn main(start: Instant) -> ExitCode {
     let result = match &cli.command {
         Command::Render(args) => render::run(args, start),
         Command::Info(args) => info::run(args),
+        Command::Edges(args) => edges::run(args),
         Command::Metric(args) => metric::run(args),
         Command::Completions { shell } => {
             clap_complete::generate(*shell, &mut Cli::command(), "dualux", &mut std::io::stdout());

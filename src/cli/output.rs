@@ -3,7 +3,7 @@
 use super::Failure;
 use crate::image::exr_file::{Attribute, ExrImage, Precision, write_exr};
 use crate::image::film::Film;
-use crate::image::png_file::write_png;
+use crate::image::png_file::{write_codes, write_png};
 use crate::image::{ImageFileError, Window};
 use crate::math::Vec3;
 use crate::render::COARSE_BLOCK;
@@ -130,4 +130,30 @@ pub fn error_text(error: &(dyn Error + 'static)) -> String {
     let text = error.to_string();
     // Located messages start with their place and say `error` themselves.
     if text.contains(": error: ") { text } else { format!("error: {text}") }
+}
+
+/// Writes a map of footprints: `codes` (sRGB, 0..1) as PNG, or the channels as EXR.
+pub fn write_map(
+    path: &Path,
+    window: Window,
+    frame: (usize, usize),
+    codes: &[Vec3],
+    channels: &[(&str, Vec<f32>)],
+) -> Result<(), Failure> {
+    match extension(path).as_str() {
+        "png" => {
+            let bytes: Vec<u8> =
+                codes.iter().flat_map(|c| c.to_array()).map(|x| (x * 255.0).round().clamp(0.0, 255.0) as u8).collect();
+            write_codes(path, window.width, window.height, &bytes)?;
+        }
+        "exr" => {
+            let mut image = ExrImage::new(window, frame);
+            for (name, values) in channels {
+                image.add_channel("", name, Precision::Float, values.clone());
+            }
+            write_exr(path, &image)?;
+        }
+        _ => return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into()),
+    }
+    Ok(())
 }

@@ -24,6 +24,26 @@ pub struct CameraRay {
     pub tmax: f32,
 }
 
+/// All rays through a rectangle of the film and all of the lens, affine in film and lens position:
+/// o = `o` + f0 `o_film[0]` + f1 `o_film[1]` + l0 `o_lens[0]` + l1 `o_lens[1]`, and d alike, f and l in `[-1,1]`.
+#[derive(Clone, Copy, Debug)]
+pub struct FilmPatch {
+    /// Origin and direction through the middle of both; the direction has depth 1 (orthographic: length 1).
+    pub o: DVec3,
+    /// See `o`.
+    pub d: DVec3,
+    /// By the position on the film, in units of half the rectangle.
+    pub o_film: [DVec3; 2],
+    /// See `o_film`.
+    pub d_film: [DVec3; 2],
+    /// By the position on the lens, in units of its radius; zero without a lens.
+    pub o_lens: [DVec3; 2],
+    /// See `o_lens`.
+    pub d_lens: [DVec3; 2],
+    /// Clip planes, in units of `d`.
+    pub t: [f64; 2],
+}
+
 /// A camera, ready to generate rays.
 #[derive(Clone, Debug)]
 pub struct Camera {
@@ -134,6 +154,24 @@ impl Camera {
             tmin: (self.clip[0] * length) as f32,
             tmax: (self.clip[1] * length) as f32,
         }
+    }
+
+    /// The rays through the rectangle of the film around `centre` with half sizes `half` (pixels of the full image).
+    pub fn patch(&self, centre: [f64; 2], half: [f64; 2]) -> FilmPatch {
+        let x = self.start[0] + self.step[0] * centre[0];
+        let y = self.start[1] + self.step[1] * centre[1];
+        let [ax, ay, az] = self.axes;
+        let film = [ax * (self.step[0] * half[0]), ay * (self.step[1] * half[1])];
+        let none = [DVec3::ZERO; 2];
+        if self.orthographic {
+            let (o, d) = (self.origin + ax * x + ay * y, az.normalize());
+            return FilmPatch { o, d, o_film: film, d_film: none, o_lens: none, d_lens: none, t: self.clip };
+        }
+        let (o_lens, d_lens) = match self.lens {
+            Some((radius, focus)) => ([ax * radius, ay * radius], [ax, ay].map(|a| a * (-radius / focus))),
+            None => (none, none),
+        };
+        FilmPatch { o: self.origin, d: ax * x + ay * y + az, o_film: none, d_film: film, o_lens, d_lens, t: self.clip }
     }
 
     /// Film position at which the world point `p` is seen through the centre of the lens; `None` outside of the clip

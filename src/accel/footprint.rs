@@ -1,0 +1,235 @@
+//! The walk with a beam: all primitives that a whole family of rays may meet.
+//!
+//! A [`Beam`] holds rays o + t d with o and d in boxes; at distance t it fills the box [o0 + t d0, o1 + t d1], so that a node
+//! is met if that box meets the node's for some t in [tmin, tmax]: the slab test of a ray, with the smallest speed at far planes
+//! and the largest at near ones, and without a far plane along axes in which directions differ in sign. Families whose
+//! rays fill a pyramid or a prism add its four side planes, by which triangles are sorted out.
+//! Conservative: everything that a ray of the beam meets is visited; what is visited need not be met.
+//! Nearest nodes come first, and the visitor may shorten the beam as it learns what covers all of it.
+//!
+//! Source: METHODS 3.B ("cone walk"); the interval slab test is that of interval ray packets (Boulos et al. 2006).
+//! Not handled: beams with a coordinate that is not finite (they meet nothing).
+
+use super::Accel;
+use super::layout::{Child, Node8, Tree, Tri4};
+use crate::math::Vec3;
+use arrayvec::ArrayVec;
+use std::ops::ControlFlow;
+
+/// Rays o + t d, o and d each in a box.
+#[derive(Clone, Copy, Debug)]
+pub struct Beam {
+    /// Box of the origins (min, max).
+    pub o: [Vec3; 2],
+    /// Box of the directions (min, max).
+    pub d: [Vec3; 2],
+    /// Start, not negative.
+    pub tmin: f32,
+    /// End, may be infinite.
+    pub tmax: f32,
+    /// Side planes of the pyramid or prism that the rays fill, if there is one.
+    pub sides: Option<Sides>,
+}
+
+/// Four planes: a point x lies inside of one if n . (x - o) >= -slack.
+#[derive(Clone, Copy, Debug)]
+pub struct Sides {
+    /// A point of all planes (pyramid), or of the middle (prism).
+    pub o: Vec3,
+    /// Inward normals.
+    pub n: [Vec3; 4],
+    /// Distance of each plane from `o` (0 for a pyramid) and what rounding may add, times |n|.
+    pub slack: [f32; 4],
+}
+
+/// What a walk finds.
+pub trait Visitor {
+    /// A primitive the beam may meet. `Break` ends the walk.
+    fn visit(&mut self, shape: u32, prim: u32) -> ControlFlow<()>;
+
+    /// The beam's present end: what lies beyond need not be visited.
+    fn limit(&self) -> f32;
+}
+
+/// Rounding of slab distances, as for rays.
+const FAR_SCALE: f32 = 1.0 + 8.0 * f32::EPSILON;
+
+/// Entries of the stack; the builder limits the depth of trees so that it suffices.
+const STACK: usize = super::traverse::LONG_STACK + 8;
+
+/// The beam as the slab test wants it: per axis offsets and reciprocals for both faces of a box.
+struct Slabs {
+    /// Largest and smallest origin.
+    o: [[f32; 2]; 3],
+    /// Factor of (min face - largest origin) and of (max face - smallest origin) for entry; 0 where there is none.
+    enter: [[f32; 2]; 3],
+    /// Row (0: min face, 1: max face) and factor for exit; NaN where directions differ in sign, which constrains nothing.
+    leave: [(usize, f32); 3],
+    tmin: f32,
+}
+
+impl Slabs {
+    fn new(beam: &Beam) -> Option<Self> {
+        let finite = beam.o.iter().chain(&beam.d).all(|v| v.is_finite());
+        if !(finite && beam.tmin <= beam.tmax) {
+            return None;
+        }
+        let mut s =
+            Slabs { o: [[0.0; 2]; 3], enter: [[0.0; 2]; 3], leave: [(0, f32::NAN); 3], tmin: beam.tmin.max(0.0) };
+        for axis in 0..3 {
+            let (slow, fast) = (beam.d[0][axis].next_down(), beam.d[1][axis].next_up());
+            s.o[axis] = [beam.o[1][axis], beam.o[0][axis]];
+            if fast > 0.0 {
+                s.enter[axis][0] = 1.0 / fast / FAR_SCALE;
+            }
+            if slow < 0.0 {
+                s.enter[axis][1] = 1.0 / slow / FAR_SCALE;
+            }
+            if slow > 0.0 {
+                s.leave[axis] = (1, 1.0 / slow * FAR_SCALE);
+            } else if fast < 0.0 {
+                s.leave[axis] = (0, 1.0 / fast * FAR_SCALE);
+            }
+        }
+        Some(s)
+    }
+
+    /// Slots whose box the beam meets, as bits, and where it enters.
+    #[inline(always)]
+    fn boxes(&self, node: &Node8, limit: f32) -> (u32, [f32; 8]) {
+        let mut near = [self.tmin; 8];
+        let mut far = [limit; 8];
+        for axis in 0..3 {
+            let (lo, hi) = (&node.bounds[2 * axis], &node.bounds[2 * axis + 1]);
+            let [o_max, o_min] = self.o[axis];
+            let [e0, e1] = self.enter[axis];
+            let (row, leave) = self.leave[axis];
+            let face = &node.bounds[2 * axis + row];
+            let from = if row == 0 { o_max } else { o_min };
+            for i in 0..8 {
+                // Unused slots have infinite faces: 0 * inf is NaN, which constrains nothing, but another axis does.
+                near[i] = larger((lo[i] - o_max) * e0, near[i]);
+                near[i] = larger((hi[i] - o_min) * e1, near[i]);
+                far[i] = smaller((face[i] - from) * leave, far[i]);
+            }
+        }
+        let mut mask = 0;
+        for i in 0..8 {
+            mask |= u32::from(near[i] <= far[i]) << i;
+        }
+        (mask, near)
+    }
+}
+
+/// The second operand if the first is NaN.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The second operand if the first is NaN.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+impl Sides {
+    /// Lanes of a pack whose triangle does not lie outside one of the planes, as bits.
+    #[inline(always)]
+    fn keeps(&self, pack: &Tri4) -> u32 {
+        let mut outside = [false; 4];
+        let o = self.o;
+        for k in 0..4 {
+            let (n, slack) = (self.n[k], self.slack[k]);
+            let mut best = [f32::NEG_INFINITY; 4];
+            for v in 0..3 {
+                let (x, y, z) = (&pack.v[3 * v], &pack.v[3 * v + 1], &pack.v[3 * v + 2]);
+                for i in 0..4 {
+                    let m = n.x * (x[i] - o.x) + n.y * (y[i] - o.y) + n.z * (z[i] - o.z);
+                    best[i] = larger(m, best[i]);
+                }
+            }
+            for i in 0..4 {
+                outside[i] |= best[i] < -slack;
+            }
+        }
+        let mut mask = 0;
+        for i in 0..4 {
+            mask |= u32::from(!outside[i] & (pack.shape[i] != u32::MAX)) << i;
+        }
+        mask
+    }
+}
+
+impl Accel {
+    /// Visits all primitives that a ray of the beam may meet before the visitor's limit, roughly from near to far.
+    /// A rectangle may come twice.
+    #[inline]
+    pub fn walk(&self, beam: &Beam, visitor: &mut impl Visitor) {
+        walk(&self.tree, beam, visitor);
+    }
+}
+
+#[inline(always)]
+fn walk(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
+    let (Some(slabs), Some(root)) = (Slabs::new(beam), tree.nodes.first()) else { return };
+    let mut stack = ArrayVec::<u64, STACK>::new();
+    let mut node = root;
+    loop {
+        let limit = visitor.limit().min(f32::MAX) * FAR_SCALE;
+        let (mut mask, near) = slabs.boxes(node, limit);
+        let base = stack.len();
+        while mask != 0 {
+            let slot = mask.trailing_zeros() as usize & 7;
+            mask &= mask - 1;
+            if node.children[slot] != Child::NONE {
+                stack.push(u64::from(near[slot].to_bits()) << 32 | u64::from(node.children[slot].0));
+            }
+        }
+        sort_descending(&mut stack[base..]);
+        // Leaves, until the next node comes up.
+        loop {
+            let Some(entry) = stack.pop() else { return };
+            if f32::from_bits((entry >> 32) as u32) > visitor.limit() * FAR_SCALE {
+                continue;
+            }
+            let child = Child(entry as u32);
+            if child.is_node() {
+                node = &tree.nodes[child.index()];
+                break;
+            }
+            if child.is_quadric() {
+                if visitor.visit(tree.quadrics[child.index()].shape, 0).is_break() {
+                    return;
+                }
+                continue;
+            }
+            let pack = &tree.tris[child.index()];
+            let mut lanes = match &beam.sides {
+                Some(sides) => sides.keeps(pack),
+                None => (0..4).fold(0, |m, i| m | u32::from(pack.shape[i] != u32::MAX) << i),
+            };
+            while lanes != 0 {
+                let i = lanes.trailing_zeros() as usize & 3;
+                lanes &= lanes - 1;
+                if visitor.visit(pack.shape[i], pack.prim[i]).is_break() {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// Sorts a few entries so that the nearest is popped first.
+#[inline(always)]
+fn sort_descending(entries: &mut [u64]) {
+    for i in 1..entries.len() {
+        let moved = entries[i];
+        let mut j = i;
+        while j > 0 && entries[j - 1] < moved {
+            entries[j] = entries[j - 1];
+            j -= 1;
+        }
+        entries[j] = moved;
+    }
+}

@@ -1,0 +1,127 @@
+//! The detector: one question for all users. Does anything visible change inside this footprint?
+
+use super::detect::{Detection, Mode, NOTHING};
+use super::gather::{Facet, Gather, Surfaces};
+use super::kinds::{Events, Kinds, LightVerdict, Verdict};
+use super::view::{View, range};
+use crate::accel::Accel;
+use crate::math::DVec3;
+use crate::scene::Scene;
+use dualux_dual::Test;
+
+/// Settings of an [`EdgeDetector`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Footprint test: [`Test::Bounds`], or the source paper's neighbours.
+    pub test: Test,
+    /// Order of the expansions of curved edges, 1 or 2. (Straight edges are exact at order 1.)
+    pub order: usize,
+    /// Number of surfaces in a footprint above which it counts as busy, at most 128.
+    pub busy: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings { test: Test::Bounds, order: 2, busy: 128 }
+    }
+}
+
+/// Finds edges in footprints of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct EdgeDetector<'a> {
+    /// Scene.
+    pub scene: &'a Scene,
+    /// Its accelerator.
+    pub accel: &'a Accel,
+    /// Settings.
+    pub settings: Settings,
+    passable: bool,
+    reach: f32,
+}
+
+impl<'a> EdgeDetector<'a> {
+    /// A detector with default settings.
+    pub fn new(scene: &'a Scene, accel: &'a Accel) -> Self {
+        Self::with_settings(scene, accel, Settings::default())
+    }
+
+    /// A detector.
+    pub fn with_settings(scene: &'a Scene, accel: &'a Accel, settings: Settings) -> Self {
+        let (centre, radius) = scene.bounds;
+        let passable = scene.passes_light.iter().any(|&p| p);
+        EdgeDetector { scene, accel, settings, passable, reach: centre.abs().max_element() + radius }
+    }
+
+    /// Stops at the first event: is there any?
+    pub fn any(&self, view: &View, exclude: Option<Facet>) -> Verdict {
+        self.sight(view, exclude, false)
+    }
+
+    /// All kinds, the nearest distance and chord.
+    pub fn all(&self, view: &View, exclude: Option<Facet>) -> Verdict {
+        self.sight(view, exclude, true)
+    }
+
+    fn gather(&self, view: &'a View, mode: Mode, exclude: [Option<Facet>; 2]) -> Gather<'a> {
+        let Settings { test, order, busy } = self.settings;
+        let Self { scene, accel, passable, .. } = *self;
+        Gather { scene, accel, view, exclude, test, order, busy, passable, mode }
+    }
+
+    fn sight(&self, view: &View, exclude: Option<Facet>, all: bool) -> Verdict {
+        let mut surfaces = None;
+        EdgeDetector { ..*self }.gather(view, Mode::Sight, [exclude, None]).run(&view.beam(self.reach), &mut surfaces);
+        let Some(surfaces) = &surfaces else { return Verdict::Clear };
+        let found = self.look(view, surfaces, Mode::Sight, None, all).found;
+        let found = Events { kinds: found.kinds | surfaces.trouble, ..found };
+        if surfaces.trouble != Kinds::NONE {
+            Verdict::Unknown(found)
+        } else if found.kinds == Kinds::NONE {
+            Verdict::Clear
+        } else {
+            Verdict::Events(found)
+        }
+    }
+
+    fn look<'b>(
+        &'b self,
+        view: &'b View,
+        surfaces: &'b Surfaces<'b>,
+        mode: Mode,
+        horizon: Option<[f64; 3]>,
+        all: bool,
+    ) -> Detection<'b> {
+        let Settings { test, .. } = self.settings;
+        let mut detection = Detection { scene: self.scene, view, surfaces, mode, test, all, horizon, found: NOTHING };
+        detection.run();
+        detection
+    }
+
+    /// What rays of a family with one origin, a surface point with normal `n` (on the lit side), reach of the far end of their range.
+    pub(super) fn shadow(&self, view: &View, n: Option<DVec3>, exclude: [Option<Facet>; 2], all: bool) -> LightVerdict {
+        let horizon = n.map(|n| {
+            let f = |v: dualux_dual::Vec3<f64>| n.dot(super::view::from_dual(v));
+            [f(view.family.d), f(view.family.d_p[0]), f(view.family.d_p[1])]
+        });
+        if horizon.is_some_and(|h| range(&h).1 <= 0.0) {
+            return LightVerdict::Blocked;
+        }
+        let mut surfaces = None;
+        EdgeDetector { ..*self }.gather(view, Mode::Shadow, exclude).run(&view.beam(self.reach), &mut surfaces);
+        let Some(surfaces) = &surfaces else { return LightVerdict::Visible };
+        if surfaces.covered {
+            return LightVerdict::Blocked;
+        }
+        let detection = self.look(view, surfaces, Mode::Shadow, horizon, all);
+        let found = Events { kinds: detection.found.kinds | surfaces.trouble, ..detection.found };
+        if surfaces.trouble != Kinds::NONE {
+            LightVerdict::Unknown(found)
+        } else if found.kinds != Kinds::NONE {
+            LightVerdict::Partial(found)
+        } else {
+            // Nothing changes: any point tells.
+            let p = if view.domain.is_some() { [-1.0 / 3.0; 2] } else { [0.0; 2] };
+            if detection.is_met(p) { LightVerdict::Blocked } else { LightVerdict::Visible }
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Edge maps: one footprint per pixel.
+
+use super::kinds::{Kinds, LightVerdict, Verdict};
+use super::light::Receiver;
+use super::pixel::{self, PixelFamily};
+use super::{EdgeDetector, NOTHING};
+use crate::accel::{Hit, Ray};
+use crate::math::Vec2;
+use crate::scene::shape::ShapeHit;
+use crate::scene::{Scene, SurfacePoint};
+use rayon::prelude::*;
+
+/// What is known of one footprint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Whether it has an event.
+    pub event: bool,
+    /// Kinds of all events.
+    pub kinds: Kinds,
+    /// Distance of the nearest, half widths.
+    pub distance: f64,
+}
+
+/// Shapes that are area lights, in the order of the file.
+pub fn area_lights(scene: &Scene) -> Vec<u32> {
+    (0u32..).zip(&scene.shapes).filter(|(_, s)| s.emission.is_some()).map(|(i, _)| i).collect()
+}
+
+impl EdgeDetector<'_> {
+    /// The pixel with upper left corner (x, y).
+    pub fn pixel(&self, x: u32, y: u32, all: bool) -> Verdict {
+        let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+        match pixel::family(&self.scene.camera, centre, [0.5; 2]) {
+            Some(PixelFamily::Exact(view)) => {
+                if all {
+                    self.all(&view, None)
+                } else {
+                    self.any(&view, None)
+                }
+            }
+            _ => Verdict::Unknown(NOTHING),
+        }
+    }
+
+    /// What the ray through a pixel's centre meets first.
+    pub fn first_hit(&self, x: u32, y: u32) -> Option<(Ray, SurfacePoint)> {
+        let r = self.scene.camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), Vec2::splat(0.5));
+        let ray = Ray { o: r.o, d: r.d, tmin: r.tmin, tmax: r.tmax };
+        let Hit { t, u, v, shape, prim } = self.accel.closest(&ray)?;
+        let at = self.scene.shapes[shape as usize].surface_point(shape, prim, ray.o, ray.d, ShapeHit { t, u, v });
+        Some((ray, at))
+    }
+
+    /// The map of a window (x, y, width, height) of the film.
+    pub fn pixel_map(&self, [x0, y0, w, h]: [u32; 4]) -> Vec<Cell> {
+        rows(w, h, |x, y| {
+            let verdict = self.pixel(x0 + x, y0 + y, true);
+            Cell { event: verdict.needs_samples(), kinds: verdict.kinds(), distance: verdict.distance() }
+        })
+    }
+
+    /// The map of a light, a shape: what each pixel centre's first hit sees of it.
+    pub fn light_map(&self, light: u32, [x0, y0, w, h]: [u32; 4]) -> Vec<Cell> {
+        rows(w, h, |x, y| {
+            let hit = self.first_hit(x0 + x, y0 + y);
+            let verdict = hit.map(|(ray, at)| self.light(light, &Receiver::new(&at, -ray.d), true));
+            let (event, distance) = match verdict {
+                Some(LightVerdict::Partial(e) | LightVerdict::Unknown(e)) => (true, e.distance),
+                _ => (false, f64::INFINITY),
+            };
+            Cell { event, kinds: verdict.map_or(Kinds::NONE, |v| v.kinds()), distance }
+        })
+    }
+}
+
+fn rows(w: u32, h: u32, cell: impl Fn(u32, u32) -> Cell + Sync) -> Vec<Cell> {
+    (0..h).into_par_iter().flat_map_iter(|y| (0..w).map(|x| cell(x, y)).collect::<Vec<_>>()).collect()
+}

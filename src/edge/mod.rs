@@ -1,0 +1,18 @@
+//! Edges in footprints.
+pub mod chord;
+mod curved;
+mod detect;
+pub mod detector;
+mod gather;
+pub mod kinds;
+pub mod light;
+pub mod map;
+pub mod pixel;
+mod polygon;
+pub mod view;
+
+pub use detect::NOTHING;
+pub use detector::{EdgeDetector, Settings};
+pub use gather::Facet;
+pub use kinds::{Events, Kinds, LightVerdict, Verdict};
+pub use view::View;

@@ -1,0 +1,180 @@
+//! A family of rays as a projection: points of space in the footprint's own homogeneous coordinates.
+//!
+//! Families with one origin (pinhole pixels, lights seen from a point, emission cells of a point) and with one direction
+//! (orthographic pixels, suns) project space *exactly*: a point x has coordinates (w, x, y, k), linear in x, and is seen at
+//! p = (x, y) / w with depth key k / w. One origin: x - o = w d0 + x d1 + y d2, k = -1, so that the key is -1/t. One direction:
+//! x - o = t d + p1 o1 + p2 o2, w = 1, k = t. Either way the key grows with t, straight edges are straight in p,
+//! planes have keys affine in p, and convex bodies are convex in (p, key). The line through two projected points has the
+//! coefficients of the dual margin `dualux_dual::margins::line` (up to a positive factor); a test holds them against each other.
+
+use crate::accel::footprint::{Beam, Sides};
+use crate::math::{DVec3, Vec3};
+use dualux_dual::{Family, Ray, num_dual::Dual2SVec64};
+
+/// Homogeneous coordinates (w, x, y, k).
+pub type Point = [f64; 4];
+
+/// Coefficients of an affine function of p: c0 + c1 p1 + c2 p2.
+pub type Affine = [f64; 3];
+
+/// Number type of quadratic margins: exact to second order.
+pub type D2 = Dual2SVec64<2>;
+
+/// glam to dual.
+#[inline(always)]
+pub fn to_dual(v: DVec3) -> dualux_dual::Vec3<f64> {
+    dualux_dual::vec3(v.x, v.y, v.z)
+}
+
+/// dual to glam.
+#[inline(always)]
+pub fn from_dual(v: dualux_dual::Vec3<f64>) -> DVec3 {
+    DVec3::new(v.x, v.y, v.z)
+}
+
+/// A footprint and the part of its rays that counts.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// The rays.
+    pub family: Family<f64, 2>,
+    /// Range of the ray parameter.
+    pub t: [f64; 2],
+    /// One origin (else one direction).
+    pub perspective: bool,
+    /// A half-plane of the footprint outside of which nothing counts (a triangular light).
+    pub domain: Option<Affine>,
+    o: DVec3,
+    rows: [DVec3; 3],
+}
+
+/// Largest and smallest value over the square.
+#[inline(always)]
+pub fn range(a: &Affine) -> (f64, f64) {
+    let r = a[1].abs() + a[2].abs();
+    (a[0] - r, a[0] + r)
+}
+
+/// Value at p.
+#[inline(always)]
+pub fn at(a: &Affine, p: [f64; 2]) -> f64 {
+    a[0] + a[1] * p[0] + a[2] * p[1]
+}
+
+/// The line through two projected points, as an affine function of p that vanishes on it.
+#[inline(always)]
+pub fn line(a: &Point, b: &Point) -> Affine {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+impl View {
+    /// `None` if the footprint has no area, or if neither its origin nor its direction is fixed.
+    #[inline]
+    pub fn new(family: Family<f64, 2>, t: [f64; 2]) -> Option<Self> {
+        let perspective = family.has_fixed_origin();
+        let d = from_dual(family.d);
+        let [a, b] = if perspective { family.d_p } else { family.o_p }.map(from_dual);
+        if !perspective && family.d_p.iter().any(|v| *v != dualux_dual::Vec3::zero()) {
+            return None;
+        }
+        let rows = [a.cross(b), b.cross(d), d.cross(a)];
+        let inv = 1.0 / d.dot(rows[0]);
+        inv.is_finite().then(|| View {
+            family,
+            t,
+            perspective,
+            domain: None,
+            o: from_dual(family.o),
+            rows: rows.map(|r| r * inv),
+        })
+    }
+
+    /// Origin of the centre ray.
+    pub fn origin(&self) -> DVec3 {
+        self.o
+    }
+
+    /// The projected point.
+    #[inline(always)]
+    pub fn project(&self, x: DVec3) -> Point {
+        let v = x - self.o;
+        let [a, b, c] = self.rows.map(|r| r.dot(v));
+        if self.perspective { [a, b, c, -1.0] } else { [1.0, b, c, a] }
+    }
+
+    /// The same for points of a scene.
+    #[inline(always)]
+    pub fn project_f32(&self, x: Vec3) -> Point {
+        self.project(x.as_dvec3())
+    }
+
+    /// Depth key of a ray parameter.
+    #[inline(always)]
+    pub fn key(&self, t: f64) -> f64 {
+        if self.perspective { -1.0 / t } else { t }
+    }
+
+    /// Ray parameter of a depth key.
+    #[inline(always)]
+    pub fn t_of(&self, key: f64) -> f64 {
+        if self.perspective { -1.0 / key } else { key }
+    }
+
+    /// What a key must be smaller by to be in front: surfaces that touch do not hide each other.
+    #[inline(always)]
+    pub fn tolerance(&self, keys: [f64; 2]) -> f64 {
+        1e-6 * keys[0].abs().max(keys[1].abs())
+    }
+
+    /// The centre ray with derivatives.
+    #[inline(always)]
+    pub fn ray(&self) -> Ray<D2> {
+        if self.perspective { self.family.fixed_ray() } else { self.family.ray() }
+    }
+
+    /// The plain ray at p.
+    #[inline(always)]
+    pub fn ray_at(&self, p: [f64; 2]) -> Ray<f64> {
+        self.family.at(p)
+    }
+
+    /// Which way a plane with normal `n` through `x` faces: positive towards the rays' origin.
+    #[inline(always)]
+    pub fn facing(&self, n: DVec3, x: DVec3) -> f64 {
+        if self.perspective { n.dot(self.o - x) } else { -n.dot(from_dual(self.family.d)) }
+    }
+
+    /// The beam that holds all rays. `reach`: largest coordinate of the scene, which sets what rounding is.
+    pub fn beam(&self, reach: f32) -> Beam {
+        let mut beam = beam(&self.family, self.t);
+        let o = self.o.as_vec3();
+        let [_, x, y] = self.rows;
+        let planes = if self.perspective {
+            [self.rows[0] - x, self.rows[0] + x, self.rows[0] - y, self.rows[0] + y]
+        } else {
+            [-x, x, -y, y]
+        };
+        let n = planes.map(|n| n.normalize_or_zero().as_vec3());
+        let rounding = 32.0 * f32::EPSILON * (reach + o.abs().max_element());
+        // A prism's planes stand off its middle by one half width each.
+        let width = |k: usize| if self.perspective { 0.0 } else { 1.0 / planes[k].length() as f32 };
+        beam.sides = Some(Sides { o, n, slack: std::array::from_fn(|k| rounding + width(k) * (1.0 + 1e-6)) });
+        beam
+    }
+}
+
+/// The boxes of a family's origins and directions, rounded outwards.
+pub fn beam<const N: usize>(family: &Family<f64, N>, t: [f64; 2]) -> Beam {
+    let spread = |centre: dualux_dual::Vec3<f64>, by: &[dualux_dual::Vec3<f64>; N]| {
+        let reach = by.iter().fold(DVec3::ZERO, |r, v| r + from_dual(*v).abs());
+        let centre = from_dual(centre);
+        let (lo, hi) = ((centre - reach).as_vec3(), (centre + reach).as_vec3());
+        [lo.map(f32::next_down), hi.map(f32::next_up)]
+    };
+    Beam {
+        o: spread(family.o, &family.o_p),
+        d: spread(family.d, &family.d_p),
+        tmin: t[0] as f32,
+        tmax: t[1] as f32,
+        sides: None,
+    }
+}
