@@ -4,6 +4,7 @@ use super::Failure;
 use super::load::SceneArgs;
 use super::output::write_map;
 use crate::edge::map::{Cell, area_lights};
+use crate::edge::score::{compare, light_cost, light_truth, pixel_cost, pixel_truth};
 use crate::edge::{EdgeDetector, Kinds, Settings};
 use crate::image::Window;
 use crate::math::Vec3;
@@ -28,6 +29,12 @@ pub struct EdgesArgs {
     /// The map of area light K, counted from 0 as in the file: where it is partly visible.
     #[arg(long, value_name = "K")]
     light: Option<usize>,
+    /// Compare with brute force of N x N rays per footprint and print recall, precision and cost, for both tests.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=256))]
+    score: Option<u16>,
+    /// Write the scores to this file.
+    #[arg(long, value_name = "FILE", requires = "score")]
+    json: Option<PathBuf>,
 }
 
 /// The colours, in order of precedence.
@@ -78,16 +85,16 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
     let settings = Settings { test: args.test.into(), order: usize::from(args.order), ..Settings::default() };
     let detector = EdgeDetector::with_settings(&scene, &accel, settings);
     let crop = scene.film.crop;
-    let map = match args.light {
-        None => detector.pixel_map(crop),
-        Some(k) => {
-            let lights = area_lights(&scene);
-            let Some(&light) = lights.get(k) else {
-                return Err(format!("--light {k}: the scene has {} area lights, counted from 0", lights.len()).into());
-            };
-            detector.light_map(light, crop)
-        }
-    };
+    let light = args.light.map(|k| {
+        let lights = area_lights(&scene);
+        let n = lights.len();
+        lights.get(k).copied().ok_or_else(|| format!("--light {k}: the scene has {n} area lights, counted from 0"))
+    });
+    let light = light.transpose()?;
+    let map = map_of(&detector, light, crop);
+    if let Some(n) = args.score {
+        score(args, &detector, light, crop, usize::from(n))?;
+    }
     let [x, y, w, h] = crop;
     let window = Window { x: x as i32, y: y as i32, width: w as usize, height: h as usize };
     let frame = (scene.film.width as usize, scene.film.height as usize);
@@ -102,6 +109,63 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
     }
     let events = map.iter().filter(|c| c.event).count();
     println!("{events} of {} footprints have an edge", map.len());
+    Ok(())
+}
+
+fn map_of(detector: &EdgeDetector, light: Option<u32>, crop: [u32; 4]) -> Vec<Cell> {
+    match light {
+        None => detector.pixel_map(crop),
+        Some(light) => detector.light_map(light, crop),
+    }
+}
+
+/// Prints the scores of both tests, and writes them.
+fn score(
+    args: &EdgesArgs,
+    detector: &EdgeDetector,
+    light: Option<u32>,
+    crop: [u32; 4],
+    n: usize,
+) -> Result<(), Failure> {
+    let truth = match light {
+        None => pixel_truth(detector, crop, n),
+        Some(light) => light_truth(detector, light, crop, n),
+    };
+    let family = args.light.map_or("pixel".into(), |k| format!("light:{k}"));
+    let mut scores = Vec::new();
+    println!(
+        "family     test     order  footprints    edges  recall                  precision               cost  ns"
+    );
+    for test in [TestChoice::Bounds, TestChoice::Corners] {
+        let settings = Settings { test: test.into(), ..detector.settings };
+        let detector = EdgeDetector::with_settings(detector.scene, detector.accel, settings);
+        let name = if test == TestChoice::Bounds { "bounds" } else { "corners" };
+        let map = map_of(&detector, light, crop);
+        let mut s = compare(family.clone(), name, settings.order, &map, &truth, n);
+        (s.cost_ratio, s.query_ns) = match light {
+            None => pixel_cost(&detector, crop),
+            Some(light) => light_cost(&detector, light, crop),
+        };
+        let interval = |p: f64, [a, b]: [f64; 2]| format!("{p:.4} [{a:.4}, {b:.4}]");
+        println!(
+            "{:<10} {:<8} {:>5} {:>11} {:>8}  {}  {}  {:>4.2}  {:.0}",
+            s.family,
+            s.test,
+            s.order,
+            s.footprints,
+            s.edges,
+            interval(s.recall, s.recall_interval),
+            interval(s.precision, s.precision_interval),
+            s.cost_ratio,
+            s.query_ns
+        );
+        scores.push(s);
+    }
+    println!("(cost: query over one plain ray; brute force takes {} rays per footprint)", n * n);
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&scores)?;
+        std::fs::write(path, text + "\n").map_err(|e| format!("{}: {e}", path.display()))?;
+    }
     Ok(())
 }
 

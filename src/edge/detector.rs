@@ -62,15 +62,21 @@ impl<'a> EdgeDetector<'a> {
         self.sight(view, exclude, true)
     }
 
-    fn gather(&self, view: &'a View, mode: Mode, exclude: [Option<Facet>; 2]) -> Gather<'a> {
+    fn gather<'b>(
+        &'b self,
+        view: &'b View,
+        mode: Mode,
+        exclude: [Option<Facet>; 2],
+        ground: Option<[DVec3; 2]>,
+    ) -> Gather<'b> {
         let Settings { test, order, busy } = self.settings;
         let Self { scene, accel, passable, .. } = *self;
-        Gather { scene, accel, view, exclude, test, order, busy, passable, mode }
+        Gather { scene, accel, view, exclude, test, order, busy, passable, mode, ground }
     }
 
     fn sight(&self, view: &View, exclude: Option<Facet>, all: bool) -> Verdict {
         let mut surfaces = None;
-        EdgeDetector { ..*self }.gather(view, Mode::Sight, [exclude, None]).run(&view.beam(self.reach), &mut surfaces);
+        self.gather(view, Mode::Sight, [exclude, None], None).run(&view.beam(self.reach), &mut surfaces);
         let Some(surfaces) = &surfaces else { return Verdict::Clear };
         let found = self.look(view, surfaces, Mode::Sight, None, all).found;
         let found = Events { kinds: found.kinds | surfaces.trouble, ..found };
@@ -107,7 +113,8 @@ impl<'a> EdgeDetector<'a> {
             return LightVerdict::Blocked;
         }
         let mut surfaces = None;
-        EdgeDetector { ..*self }.gather(view, Mode::Shadow, exclude).run(&view.beam(self.reach), &mut surfaces);
+        self.gather(view, Mode::Shadow, exclude, n.map(|n| [n, view.origin()]))
+            .run(&view.beam(self.reach), &mut surfaces);
         let Some(surfaces) = &surfaces else { return LightVerdict::Visible };
         if surfaces.covered {
             return LightVerdict::Blocked;

@@ -36,6 +36,7 @@ pub struct Surfaces<'a> {
     order: usize,
     passable: bool,
     mode: Mode,
+    ground: Option<[DVec3; 2]>,
     busy: usize,
     limit: f32,
     /// Triangles and rectangles.
@@ -67,6 +68,8 @@ pub struct Gather<'a> {
     /// What is asked: of what is seen, all that lies behind a surface which covers the footprint is left out; a light behind
     /// such a surface is blocked.
     pub mode: Mode,
+    /// Normal and point of the plane the rays start from: what lies in it cannot be met.
+    pub ground: Option<[DVec3; 2]>,
     /// Number of surfaces that counts as too many.
     pub busy: usize,
 }
@@ -83,6 +86,7 @@ impl<'a> Gather<'a> {
             order: self.order,
             passable: self.passable,
             mode: self.mode,
+            ground: self.ground,
             busy: self.busy,
             covered: false,
             limit: beam.tmax,
@@ -99,6 +103,9 @@ impl Surfaces<'_> {
         let Some(polygon) = Polygon::new(self.view, shape, prim, points) else {
             return ControlFlow::Continue(());
         };
+        if self.ground.is_some_and(|[n, p]| in_plane(n, p, points)) {
+            return ControlFlow::Continue(());
+        }
         // The plane's key is affine: the farthest point is a corner.
         let farthest = range(&polygon.key).1;
         if polygon.covers && self.covered_at(shape, self.view.t_of(farthest)).is_break() {
@@ -130,6 +137,13 @@ impl Surfaces<'_> {
         self.trouble |= Kinds::BUSY;
         ControlFlow::Break(())
     }
+}
+
+/// Whether all points lie in a plane, to the rounding of coordinates in f32.
+fn in_plane(n: DVec3, p: DVec3, points: &[DVec3]) -> bool {
+    let largest = points.iter().fold(p.abs(), |m, x| m.max(x.abs())).max_element();
+    let tolerance = 8.0 * f64::from(f32::EPSILON) * largest;
+    points.iter().all(|x| n.dot(*x - p).abs() <= tolerance)
 }
 
 impl Visitor for Surfaces<'_> {

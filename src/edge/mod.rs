@@ -7,8 +7,10 @@ mod gather;
 pub mod kinds;
 pub mod light;
 pub mod map;
+pub mod oracle;
 pub mod pixel;
 mod polygon;
+pub mod score;
 pub mod view;
 
 pub use detect::NOTHING;

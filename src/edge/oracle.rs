@@ -1,0 +1,85 @@
+//! Brute force: n x n real rays per footprint, for tests and scores.
+//!
+//! A pixel has an edge if two neighbouring rays see another shape (or one nothing), normals that differ by
+//! [`crate::scene::mesh::CREASE_ANGLE`] or more, or a jump in depth: neither point lies near the other's tangent plane. A light is partly visible if
+//! some of its points are seen and some not. Finite n misses what is thinner than its grid, so that measured precision is a lower
+//! bound, while recall is a real demand.
+
+use super::light::Receiver;
+use super::view::{View, from_dual};
+use crate::accel::{Accel, Ray};
+use crate::math::{DVec3, Vec3};
+use crate::scene::mesh::CREASE_ANGLE;
+use crate::scene::shape::ShapeHit;
+use crate::scene::{Geometry, Scene};
+
+/// What a ray sees.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    shape: u32,
+    x: DVec3,
+    n: Vec3,
+}
+
+/// Sine above which a step leaves a tangent plane.
+const STEEP: f64 = 0.5;
+
+fn differ(a: &Option<Seen>, b: &Option<Seen>) -> bool {
+    let (Some(a), Some(b)) = (a, b) else { return a.is_some() != b.is_some() };
+    if a.shape != b.shape || a.n.dot(b.n).abs() < CREASE_ANGLE.cos() {
+        return true;
+    }
+    let step = b.x - a.x;
+    let off = |n: Vec3| n.as_dvec3().dot(step).abs() > STEEP * step.length();
+    off(a.n) && off(b.n)
+}
+
+fn see(scene: &Scene, accel: &Accel, view: &View, p: [f64; 2]) -> Option<Seen> {
+    let r = view.ray_at(p);
+    let (o, d) = (from_dual(r.o).as_vec3(), from_dual(r.d).as_vec3());
+    let ray = Ray { o, d, tmin: view.t[0] as f32, tmax: view.t[1] as f32 };
+    let hit = accel.closest(&ray)?;
+    let at = ShapeHit { t: hit.t, u: hit.u, v: hit.v };
+    let at = scene.shapes[hit.shape as usize].surface_point(hit.shape, hit.prim, o, d, at);
+    Some(Seen { shape: hit.shape, x: at.p.as_dvec3(), n: at.n_geo })
+}
+
+/// The centre of grid cell k of n, in -1..1.
+fn grid(k: usize, n: usize) -> f64 {
+    (2 * k + 1) as f64 / n as f64 - 1.0
+}
+
+/// Whether the view of n x n rays changes.
+pub fn sight(scene: &Scene, accel: &Accel, view: &View, n: usize) -> bool {
+    let mut above: Vec<Option<Seen>> = Vec::new();
+    for y in 0..n {
+        let row: Vec<_> = (0..n).map(|x| see(scene, accel, view, [grid(x, n), grid(y, n)])).collect();
+        if row.windows(2).any(|w| differ(&w[0], &w[1])) || above.iter().zip(&row).any(|(a, b)| differ(a, b)) {
+            return true;
+        }
+        above = row;
+    }
+    false
+}
+
+/// Whether some, and some not, of n x n points of a rectangular light are seen from the receiver; `None` for other lights.
+pub fn light(scene: &Scene, accel: &Accel, light: u32, from: &Receiver, n: usize) -> Option<bool> {
+    let Geometry::Rectangle(r) = &scene.shapes[light as usize].geometry else { return None };
+    let mut seen = [false; 2];
+    for y in 0..n {
+        for x in 0..n {
+            let q = r.center.as_dvec3() + r.ex.as_dvec3() * grid(x, n) + r.ey.as_dvec3() * grid(y, n);
+            let d = q - from.p;
+            let lit = from.n.is_none_or(|n| n.dot(d) > 0.0) && r.n.as_dvec3().dot(d) < 0.0 && {
+                let o = from.p + from.n.unwrap_or(DVec3::ZERO) * (1e-5 * d.length());
+                let ray = Ray { o: o.as_vec3(), d: (q - o).as_vec3(), tmin: 1e-6, tmax: 1.0 - 1e-4 };
+                !accel.occluded(&ray)
+            };
+            seen[usize::from(lit)] = true;
+            if seen == [true; 2] {
+                return Some(true);
+            }
+        }
+    }
+    Some(false)
+}

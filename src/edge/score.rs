@@ -1,0 +1,172 @@
+//! Recall, precision and cost of the detector against brute force.
+//!
+//! Intervals are Wilson's at 95 %. Cost: the time of `any` queries over that of plain rays (pixels: nearest hit through the centre;
+//! lights: one shadow ray to the centre), both timed in runs of [`RUN`] neighbouring footprints on one thread; the median of the runs.
+
+use super::light::Receiver;
+use super::map::Cell;
+use super::pixel::{self, PixelFamily};
+use super::{EdgeDetector, oracle};
+use crate::accel::Ray;
+use crate::math::Vec2;
+use rayon::prelude::*;
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Footprints that are timed together.
+const RUN: u32 = 64;
+/// Runs that are timed, at most.
+const MOST_RUNS: usize = 256;
+
+/// One line of a score.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Score {
+    /// `pixel` or `light:K`.
+    pub family: String,
+    /// `bounds` or `corners`.
+    pub test: String,
+    /// Order of expansions.
+    pub order: usize,
+    /// Footprints compared.
+    pub footprints: usize,
+    /// Of these, with an edge by brute force.
+    pub edges: usize,
+    /// Share of the edges that were predicted.
+    pub recall: f64,
+    /// Its interval.
+    pub recall_interval: [f64; 2],
+    /// Share of the predicted that are edges.
+    pub precision: f64,
+    /// Its interval.
+    pub precision_interval: [f64; 2],
+    /// Time of a query over that of one plain ray, median.
+    pub cost_ratio: f64,
+    /// Nanoseconds of a query, median.
+    pub query_ns: f64,
+    /// Rays per footprint that the oracle took.
+    pub oracle_rays: usize,
+}
+
+/// Wilson's interval at 95 % of k out of n.
+pub fn wilson(k: usize, n: usize) -> [f64; 2] {
+    if n == 0 {
+        return [0.0, 1.0];
+    }
+    let (k, n, z) = (k as f64, n as f64, 1.96);
+    let p = k / n;
+    let (c, d) = (p + z * z / (2.0 * n), 1.0 + z * z / n);
+    let s = z * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+    [(c - s) / d, (c + s) / d]
+}
+
+fn share(k: usize, n: usize) -> f64 {
+    if n == 0 { 1.0 } else { k as f64 / n as f64 }
+}
+
+/// What brute force says of each pixel of a window; `None` where it says nothing.
+pub fn pixel_truth(detector: &EdgeDetector, [x0, y0, w, h]: [u32; 4], n: usize) -> Vec<Option<bool>> {
+    let one = |i: u32| {
+        let centre = [f64::from(x0 + i % w) + 0.5, f64::from(y0 + i / w) + 0.5];
+        match pixel::family(&detector.scene.camera, centre, [0.5; 2]) {
+            Some(PixelFamily::Exact(view)) => Some(oracle::sight(detector.scene, detector.accel, &view, n)),
+            _ => None,
+        }
+    };
+    (0..w * h).into_par_iter().map(one).collect()
+}
+
+/// The same for a light.
+pub fn light_truth(detector: &EdgeDetector, light: u32, [x0, y0, w, h]: [u32; 4], n: usize) -> Vec<Option<bool>> {
+    let one = |i: u32| {
+        let (ray, at) = detector.first_hit(x0 + i % w, y0 + i / w)?;
+        oracle::light(detector.scene, detector.accel, light, &Receiver::new(&at, -ray.d), n)
+    };
+    (0..w * h).into_par_iter().map(one).collect()
+}
+
+/// Compares a map with the truth. The cost is filled in by the caller.
+pub fn compare(family: String, test: &str, order: usize, map: &[Cell], truth: &[Option<bool>], n: usize) -> Score {
+    let count = |f: &dyn Fn(bool, bool) -> bool| {
+        truth.iter().zip(map).filter(|(t, c)| t.is_some_and(|t| f(t, c.event))).count()
+    };
+    let (edges, flagged, both) = (count(&|t, _| t), count(&|_, e| e), count(&|t, e| t && e));
+    Score {
+        family,
+        test: test.into(),
+        order,
+        footprints: count(&|_, _| true),
+        edges,
+        recall: share(both, edges),
+        recall_interval: wilson(both, edges),
+        precision: share(both, flagged),
+        precision_interval: wilson(both, flagged),
+        cost_ratio: f64::NAN,
+        query_ns: f64::NAN,
+        oracle_rays: n * n,
+    }
+}
+
+/// Ratio and nanoseconds of a query, medians over runs.
+fn medians(runs: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
+    let (mut ratios, mut ns): (Vec<f64>, Vec<f64>) = runs.map(|(query, ray)| (query / ray, query)).unzip();
+    let median = |v: &mut Vec<f64>| {
+        v.sort_by(f64::total_cmp);
+        v.get(v.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    (median(&mut ratios), median(&mut ns))
+}
+
+/// Nanoseconds per call of `f` over a run of pixels.
+fn time<T>(pixels: &[T], mut f: impl FnMut(&T)) -> f64 {
+    // The better of two: the first also warms the caches.
+    let mut best = f64::INFINITY;
+    for _ in 0..2 {
+        let start = Instant::now();
+        pixels.iter().for_each(&mut f);
+        best = best.min(start.elapsed().as_secs_f64() * 1e9 / pixels.len() as f64);
+    }
+    best
+}
+
+fn runs([x0, y0, w, h]: [u32; 4]) -> impl Iterator<Item = Vec<(u32, u32)>> {
+    let per_row = w.div_ceil(RUN);
+    let total = (per_row * h) as usize;
+    (0..total).step_by(total.div_ceil(MOST_RUNS).max(1)).map(move |i| {
+        let (row, part) = (i as u32 / per_row, i as u32 % per_row);
+        (part * RUN..((part + 1) * RUN).min(w)).map(|x| (x0 + x, y0 + row)).collect()
+    })
+}
+
+/// Cost of pixel queries: (ratio, nanoseconds).
+pub fn pixel_cost(detector: &EdgeDetector, window: [u32; 4]) -> (f64, f64) {
+    medians(runs(window).map(|pixels| {
+        let query = time(&pixels, |&(x, y)| {
+            black_box(detector.pixel(x, y, false));
+        });
+        let ray = time(&pixels, |&(x, y)| {
+            let r = detector.scene.camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), Vec2::splat(0.5));
+            black_box(detector.accel.closest(&Ray { o: r.o, d: r.d, tmin: r.tmin, tmax: r.tmax }));
+        });
+        (query, ray)
+    }))
+}
+
+/// Cost of light queries from the first hits of pixels: (ratio, nanoseconds).
+pub fn light_cost(detector: &EdgeDetector, light: u32, window: [u32; 4]) -> (f64, f64) {
+    let (lo, hi) = detector.scene.shapes[light as usize].bounds();
+    let centre = 0.5 * (lo + hi);
+    medians(runs(window).filter_map(|pixels| {
+        let from: Vec<_> = pixels.iter().filter_map(|&(x, y)| detector.first_hit(x, y)).collect();
+        if from.is_empty() {
+            return None;
+        }
+        let query = time(&from, |(ray, at)| {
+            black_box(detector.light(light, &Receiver::new(at, -ray.d), false));
+        });
+        let ray = time(&from, |(_, at)| {
+            let o = at.spawn_origin(centre - at.p);
+            black_box(detector.accel.occluded(&Ray { o, d: centre - o, tmin: f32::MIN_POSITIVE, tmax: 0.9999 }));
+        });
+        Some((query, ray))
+    }))
+}
