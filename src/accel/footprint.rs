@@ -137,28 +137,29 @@ impl Sides {
     /// Lanes of a pack whose triangle does not lie outside one of the planes, as bits.
     #[inline(always)]
     fn keeps(&self, pack: &Tri4) -> u32 {
-        let mut outside = [false; 4];
         let o = self.o;
-        for k in 0..4 {
-            let (n, slack) = (self.n[k], self.slack[k]);
-            let mut best = [f32::NEG_INFINITY; 4];
-            for v in 0..3 {
-                let (x, y, z) = (&pack.v[3 * v], &pack.v[3 * v + 1], &pack.v[3 * v + 2]);
-                for i in 0..4 {
-                    let m = n.x * (x[i] - o.x) + n.y * (y[i] - o.y) + n.z * (z[i] - o.z);
-                    best[i] = larger(m, best[i]);
-                }
+        let [xs, ys, zs] = &pack.points;
+        // Per lane the columns of its vertices, as bits.
+        let vertices: [u8; 4] = std::array::from_fn(|lane| (0..3).fold(0, |m, v| m | 1 << (pack.corners[v][lane] & 7)));
+        let mut kept = used_lanes(pack);
+        for (n, slack) in self.n.iter().zip(&self.slack) {
+            let mut inside = 0u8;
+            for i in 0..8 {
+                let m = n.x * (xs[i] - o.x) + n.y * (ys[i] - o.y) + n.z * (zs[i] - o.z);
+                inside |= u8::from(m >= -slack) << i;
             }
-            for i in 0..4 {
-                outside[i] |= best[i] < -slack;
+            for (lane, of_lane) in vertices.iter().enumerate() {
+                kept &= !(u32::from(of_lane & inside == 0) << lane);
             }
         }
-        let mut mask = 0;
-        for i in 0..4 {
-            mask |= u32::from(!outside[i] & (pack.shape[i] != u32::MAX)) << i;
-        }
-        mask
+        kept
     }
+}
+
+/// Lanes of a pack that hold a triangle, as bits.
+#[inline(always)]
+fn used_lanes(pack: &Tri4) -> u32 {
+    (0..4).fold(0, |m, i| m | u32::from(pack.prim[i] != u32::MAX) << i)
 }
 
 impl Accel {
@@ -207,12 +208,12 @@ fn walk(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
             let pack = &tree.tris[child.index()];
             let mut lanes = match &beam.sides {
                 Some(sides) => sides.keeps(pack),
-                None => (0..4).fold(0, |m, i| m | u32::from(pack.shape[i] != u32::MAX) << i),
+                None => used_lanes(pack),
             };
             while lanes != 0 {
                 let i = lanes.trailing_zeros() as usize & 3;
                 lanes &= lanes - 1;
-                if visitor.visit(pack.shape[i], pack.prim[i]).is_break() {
+                if visitor.visit(pack.shape, pack.prim[i]).is_break() {
                     return;
                 }
             }

@@ -3,6 +3,7 @@
 //! Results go to stdout, progress and messages to stderr. Exit code 0; 1 for a scene or run-time error; 2 for a wrong
 //! command line.
 
+mod checks;
 mod edges;
 mod info;
 mod load;
