@@ -60,13 +60,13 @@ fn checks_agree_with_mitsuba() {
     let t = Textures { textures: &textures, images: &[] };
     // Mitsuba 3.9.1's `eval_1`; its `eval` gives the other colour.
     for (uv, value) in [
-        ([0.25, 0.25], 1.0),
-        ([0.75, 0.25], 0.0),
-        ([0.25, 0.75], 0.0),
-        ([0.75, 0.75], 1.0),
-        ([1.25, 0.25], 1.0),
-        ([-0.25, 0.25], 0.0),
-        ([-0.25, -0.25], 1.0),
+        ([0.25, 0.25], 0.0),
+        ([0.75, 0.25], 1.0),
+        ([0.25, 0.75], 1.0),
+        ([0.75, 0.75], 0.0),
+        ([1.25, 0.25], 0.0),
+        ([-0.25, 0.25], 1.0),
+        ([-0.25, -0.25], 0.0),
     ] {
         assert_eq!(t.eval_scalar(0, uv.into()), value, "{uv:?}");
         assert_eq!(t.eval(0, uv.into()), Rgb::splat(1.0 - value), "{uv:?}");
@@ -79,8 +79,8 @@ fn scalars_of_bitmaps_are_luminance_and_of_colours_means() {
     let textures = [
         bitmap(TexFilter::Nearest, Wrap::Repeat),
         Texture::Checkerboard {
-            color0: Color::Texture(0),
-            color1: Color::Constant(Rgb::new(0.9, 0.3, 0.0)),
+            color0: Color::Constant(Rgb::new(0.9, 0.3, 0.0)),
+            color1: Color::Texture(0),
             to_uv: Affine2::IDENTITY,
         },
         Texture::Scale { texture: 0, factor: Rgb::splat(2.0) },
