@@ -6,6 +6,7 @@ use super::props::Props;
 use super::report::{Checked, Loc, Report, Reported};
 use super::tree::{ObjectId, Tree};
 use crate::formats::assets::{self, MeshKind};
+use crate::math::Rgb;
 use crate::scene::description::{GeometryDesc, ImageId, LightDesc, MaterialId, ShapeDesc, TextureId};
 use crate::scene::material::Material;
 use crate::scene::mesh::MeshData;
@@ -209,7 +210,16 @@ impl<'t> Builder<'t> {
         let images: Vec<Checked<Bitmap>> = images
             .into_iter()
             .zip(image_files)
-            .map(|(image, (path, _, loc))| image.map_err(|e| fail(path, *loc, e)))
+            .map(|(image, (path, _, loc))| {
+                let mut image = image.map_err(|e| fail(path, *loc, e))?;
+                // One such value would spoil the sums of a whole environment map.
+                let broken = blacken(&mut image);
+                if broken > 0 {
+                    let message = format!("{}: {broken} pixels are not finite; taken as black", path.display());
+                    report.warn(*loc, message);
+                }
+                Ok(image)
+            })
             .collect();
         let mut meshes = meshes.into_iter().collect::<Checked<Vec<_>>>()?;
         let images = images.into_iter().collect::<Checked<Vec<_>>>()?;
@@ -227,4 +237,10 @@ impl<'t> Builder<'t> {
         }
         Ok(images)
     }
+}
+
+/// Makes pixels black that are not finite, and counts them.
+fn blacken(image: &mut Bitmap) -> usize {
+    let broken = image.pixels.iter_mut().filter(|p| !p.is_finite());
+    broken.map(|p| *p = Rgb::ZERO).count()
 }

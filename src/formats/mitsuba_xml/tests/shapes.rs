@@ -146,3 +146,17 @@ fn mesh_flags_reach_the_reader() {
     let angle = b.pending[6].max_smooth_angle.unwrap();
     assert!((angle - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
 }
+
+#[test]
+fn pixels_that_are_not_finite_are_black_and_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let values = [1.0f32, 2.0, 3.0, f32::NAN, 0.0, 0.0, 4.0, f32::INFINITY, 4.0];
+    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    std::fs::write(dir.path().join("sky.pfm"), [b"PF\n3 1\n-1.0\n", &bytes[..]].concat()).unwrap();
+    let text = scene("<emitter type=\"envmap\"><string name=\"filename\" value=\"sky.pfm\"/></emitter>");
+    let path = dir.path().join("main.xml");
+    let loaded = super::super::load_text(&path, &text, &LoadOptions::default()).unwrap();
+    assert!(loaded.warnings[0].to_string().contains("2 pixels are not finite"), "{}", loaded.warnings[0]);
+    let expected = [crate::math::Rgb::new(1.0, 2.0, 3.0), crate::math::Rgb::ZERO, crate::math::Rgb::ZERO];
+    assert_eq!(loaded.description.images[0].pixels, expected);
+}
