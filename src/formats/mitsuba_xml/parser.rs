@@ -76,7 +76,9 @@ fn xml_error(report: &Report, source: u32, text: &str, error: &roxmltree::Error)
     let line_start: usize = text.split_inclusive('\n').take(row - 1).map(str::len).sum();
     let line = &text[line_start.min(text.len())..];
     let inside: usize = line.chars().take(column - 1).map(char::len_utf8).sum();
-    let start = line_start + inside;
+    // A file that ends too early is wrong at its end; the XML reader says 1:1.
+    let cut = matches!(error, roxmltree::Error::UnclosedRootNode | roxmltree::Error::UnexpectedEndOfStream);
+    let start = if cut { text.trim_end().len() } else { line_start + inside };
     // The position is said once, in front of the message.
     let message = error.to_string();
     let message = message.strip_suffix(&format!(" at {}:{}", pos.row, pos.col)).unwrap_or(&message);

@@ -196,3 +196,12 @@ fn odd_documents() {
     fails(&scene("<shape/>"), "needs the attribute \"type\"");
     fails(&scene("<shape type=\"cube\"><float value=\"1\"/></shape>"), "needs the attribute \"name\"");
 }
+
+#[test]
+fn a_file_that_ends_too_early_is_wrong_at_its_end() {
+    for cut in ["<scene version=\"3.0.0\">\n<shape type=\"cube\">\n</shape>\n", "<scene version=\"3.0.0\">\n\n  <bsdf"]
+    {
+        let message = errors(cut).remove(0);
+        assert!(message.starts_with("test.xml:3:"), "{message}");
+    }
+}
