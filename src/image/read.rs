@@ -26,6 +26,11 @@ pub fn read_image(path: &Path) -> Result<Picture, ImageFileError> {
 /// # Errors
 /// As [`read_image`].
 pub fn read_image_as(path: &Path, srgb: bool) -> Result<Picture, ImageFileError> {
+    let metadata = std::fs::metadata(path).map_err(|e| ImageFileError::io(path, e))?;
+    // Devices may never end.
+    if !metadata.is_file() {
+        return Err(ImageFileError::format(path, "not a file"));
+    }
     let bytes = std::fs::read(path).map_err(|e| ImageFileError::io(path, e))?;
     decode(path, &bytes, srgb)
 }

@@ -159,3 +159,10 @@ fn hostile_and_foreign_files_are_errors() {
     }
     assert!(matches!(read_image(Path::new("/no/such/file")), Err(ImageFileError::Io { .. })));
 }
+
+#[cfg(unix)]
+#[test]
+fn devices_are_refused_since_they_may_never_end() {
+    let error = read_image(Path::new("/dev/zero")).unwrap_err();
+    assert!(error.to_string().contains("not a file"), "{error}");
+}
