@@ -145,11 +145,14 @@ fn encode(image: &ExrImage) -> Result<Vec<u8>, String> {
     let mut file = Image::from_layer(part);
     file.attributes = ImageAttributes::new(IntegerBounds::new((0, 0), image.frame));
 
-    let mut bytes = Cursor::new(Vec::new());
+    // Room for what is known to come: growing step by step would copy large files several times.
+    let values = image.window.area() * image.channels.len();
+    let expected = if image.compression == ExrCompression::None { 4 * values + (1 << 16) } else { 0 };
+    let mut bytes = Cursor::new(Vec::with_capacity(expected));
     let writer = file.write();
     // The crate starts a pool of its own: not worth it for small pictures, and not wanted with `-t 1`.
-    let small = image.window.area() * image.channels.len() < 1 << 18;
-    let done = if small || rayon::current_num_threads() == 1 {
+    let small = values < 1 << 18;
+    let done = if small || image.compression == ExrCompression::None || rayon::current_num_threads() == 1 {
         writer.non_parallel().to_buffered(&mut bytes)
     } else {
         writer.to_buffered(&mut bytes)

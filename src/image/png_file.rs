@@ -38,7 +38,8 @@ pub fn write_codes(path: &Path, width: usize, height: usize, codes: &[u8]) -> Re
         return Err(ImageFileError::format(path, message));
     }
     let mut bytes = Vec::new();
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive)
+    // A fifth larger than the default makes them, in a twentieth of the time.
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
         .write_image(codes, w, h, ExtendedColorType::Rgb8)
         .map_err(|e| ImageFileError::format(path, format!("cannot encode as PNG: {e}")))?;
     atomic::write_file(path, &bytes)
