@@ -66,6 +66,7 @@ fn wrong_command_lines_exit_with_2_and_bad_scenes_with_1() {
         &["render", &cornell, "--crop", "1,2,3"],
         &["render", &cornell, "-D", "spp"],
         &["render", &cornell, "--integrator", "magic"],
+        &["render", &cornell, "--exposure", "nan"],
     ] {
         assert_eq!(dualux(args).status.code(), Some(2), "{args:?}");
     }
@@ -156,7 +157,9 @@ fn statistics_and_error_curve() {
     assert_eq!(stats["passes"], 4);
     assert_eq!(stats["counts"]["samples"], 51 * 51 * 4);
     let curve = stats["error_curve"].as_array().expect("curve");
-    assert!(curve.len() >= 3 && curve.iter().all(|p| p["relmse"].as_f64().expect("number") > 0.0));
+    let passes: Vec<_> = curve.iter().map(|p| p["passes"].as_u64().expect("number")).collect();
+    assert_eq!(passes, [1, 2, 4], "each once");
+    assert!(curve.iter().all(|p| p["relmse"].as_f64().expect("number") > 0.0));
 }
 
 #[test]
@@ -170,4 +173,105 @@ fn replay_takes_the_same_sample_again() {
 #[test]
 fn completions_are_printed() {
     assert!(stdout(&dualux(&["completions", "bash"])).contains("--time-limit"));
+}
+
+#[test]
+fn names_that_cannot_be_written_cost_no_render() {
+    let cornell = scene("cornell-box.xml");
+    let (dir, out) = scratch("x.exr");
+    let out = out.to_str().unwrap();
+    let folder = dir.path().to_str().unwrap();
+    let missing = format!("{folder}/missing/x.exr");
+    let start = Instant::now();
+    for more in [&["-o", &missing][..], &["-o", out, "--stats-json", folder], &["-o", out, "--stats-json", &missing]] {
+        let done = dualux(&[&["render", &cornell, "--spp", "1M"], more].concat());
+        assert_eq!(done.status.code(), Some(1), "{more:?}: {}", stderr(&done));
+    }
+    // A million samples per pixel take hours.
+    assert!(start.elapsed() < Duration::from_secs(60));
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "nothing stays behind");
+}
+
+#[test]
+fn layers_asked_for_twice_are_written_once_and_the_seed_of_the_file_is_noted() {
+    let (dir, path) = scratch("seeded.xml");
+    let text = "<scene version=\"3.0.0\"><sensor type=\"perspective\"><sampler type=\"independent\"><integer name=\"seed\" \
+                value=\"42\"/></sampler><film type=\"hdrfilm\"><integer name=\"width\" value=\"8\"/><integer name=\"height\" \
+                value=\"8\"/></film></sensor><emitter type=\"constant\"/></scene>";
+    std::fs::write(&path, text).expect("written");
+    let exr = dir.path().join("x.exr");
+    let seed_of = |more: &[&str]| {
+        let args = ["render", path.to_str().unwrap(), "-o", exr.to_str().unwrap(), "--aov", "depth,albedo,depth"];
+        let out = dualux(&[&args[..], more].concat());
+        assert!(out.status.success(), "{}", stderr(&out));
+        let meta = exr::meta::MetaData::read_from_file(&exr, false).expect("EXR");
+        let other = &meta.headers[0].own_attributes.other;
+        let attribute = other.iter().find(|(name, _)| name.eq("dualux:seed")).expect("seed").1;
+        format!("{attribute:?}")
+    };
+    assert!(seed_of(&[]).contains("42"), "{}", seed_of(&[]));
+    assert!(seed_of(&["--seed", "7"]).contains('7'));
+    assert_eq!(exr_channels(&exr).iter().filter(|n| n.starts_with("depth")).count(), 1);
+}
+
+#[test]
+fn a_reference_must_show_the_whole_frame_or_just_the_window() {
+    let (dir, full) = scratch("full.exr");
+    let (full, cut, out) = (full.to_str().unwrap(), dir.path().join("cut.png"), dir.path().join("out.exr"));
+    let (cut, out) = (cut.to_str().unwrap(), out.to_str().unwrap());
+    let args = ["render", &scene("cornell-box.xml"), "--scale", "0.1", "--spp", "1", "-q", "-o"];
+    let crop = ["--crop", "10,10,8,8"];
+    assert!(dualux(&[&args[..], &[full]].concat()).status.success());
+    assert!(dualux(&[&args[..], &[cut], &crop].concat()).status.success());
+    for reference in [full, cut] {
+        let done = dualux(&[&args[..], &[out, "--reference", reference], &crop].concat());
+        assert!(done.status.success(), "{reference}: {}", stderr(&done));
+    }
+    // A larger picture is no reference for a smaller one: its corner shows something else.
+    let small = ["render", &scene("cornell-box.xml"), "--scale", "0.05", "--spp", "1", "-o", out, "--reference", full];
+    let done = dualux(&small);
+    assert_eq!(done.status.code(), Some(1), "{}", stderr(&done));
+    assert!(stderr(&done).contains("do not fit"), "{}", stderr(&done));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn closed_pipes_full_disks_and_odd_names_do_not_panic() {
+    use std::os::unix::ffi::OsStrExt;
+    use std::process::Stdio;
+    let cornell = scene("cornell-box.xml");
+    let (dir, out) = scratch("x.exr");
+    let render = ["render", &cornell, "--scale", "0.02", "--spp", "1", "-o", out.to_str().unwrap()];
+    let commands: [&[&str]; 4] =
+        [&["info", &cornell], &["info", &cornell, "--json"], &["completions", "bash"], &render];
+    let full = || Stdio::from(std::fs::File::options().write(true).open("/dev/full").expect("device"));
+    for args in commands {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_dualux"));
+        let status = command.args(args).stdout(full()).stderr(full()).status().expect("starts");
+        assert_eq!(status.code(), Some(1), "{args:?}: a result that cannot be written is an error");
+        // A reader that is gone before anything is written.
+        let (reader, writer) = std::io::pipe().expect("pipe");
+        drop(reader);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_dualux"));
+        assert!(command.args(args).stdout(writer).status().expect("starts").success(), "{args:?}");
+    }
+    let odd = dir.path().join(std::ffi::OsStr::from_bytes(b"x\xe9 y.png"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dualux"));
+    let done = command.args(&render[..6]).arg("-o").arg(&odd).output().expect("starts");
+    assert!(done.status.success() && odd.exists(), "{}", stderr(&done));
+}
+
+#[test]
+fn any_timeout_in_a_file_is_survived() {
+    let (dir, path) = scratch("timeout.xml");
+    for seconds in ["1e20", "3e38", "1e9", "0.001"] {
+        let text = format!(
+            "<scene version=\"3.0.0\"><integrator type=\"path\"><float name=\"timeout\" value=\"{seconds}\"/></integrator>\
+             <sensor type=\"perspective\"/><emitter type=\"constant\"/></scene>"
+        );
+        std::fs::write(&path, text).expect("written");
+        let out = dir.path().join("x.png");
+        let args = ["render", path.to_str().unwrap(), "-o", out.to_str().unwrap(), "--scale", "0.02", "--spp", "2"];
+        assert!(dualux(&args).status.success(), "{seconds}");
+    }
 }

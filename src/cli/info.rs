@@ -5,6 +5,7 @@ use super::checks::idle_lamps;
 use super::load::{SceneArgs, filter_name};
 use crate::scene::{Geometry, Scene};
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::time::Instant;
 
 /// Lights listed one by one in the text; the rest are summed.
@@ -84,12 +85,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         build_seconds,
         warnings,
     };
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&info)?);
-    } else {
-        print(&info);
-    }
-    Ok(())
+    if args.json { super::print(serde_json::to_string_pretty(&info)? + "\n") } else { super::print(table(&info)) }
 }
 
 fn count_shapes(scene: &Scene) -> BTreeMap<&'static str, usize> {
@@ -113,33 +109,44 @@ fn lights(scene: &Scene) -> Vec<Light<'_>> {
     infos.map(|l| Light { kind: &l.kind, name: &l.name, power: light(l), primitives: l.primitives }).collect()
 }
 
-fn print(info: &Info) {
-    println!("{}", info.file);
+/// The text for people.
+fn table(info: &Info) -> String {
+    let mut text = String::new();
+    let mut line = |parts: std::fmt::Arguments| {
+        // Writing to a string cannot fail.
+        let _ = text.write_fmt(parts).and_then(|()| text.write_char('\n'));
+    };
+    line(format_args!("{}", info.file));
     let [x, y, w, h] = info.crop;
-    print!("  image       {} x {}, {} filter", info.width, info.height, info.filter);
-    println!("{}", if [w, h] == [info.width, info.height] { String::new() } else { format!(", crop {x},{y},{w},{h}") });
+    let full = [w, h] == [info.width, info.height];
+    let crop = if full { String::new() } else { format!(", crop {x},{y},{w},{h}") };
+    line(format_args!("  image       {} x {}, {} filter{crop}", info.width, info.height, info.filter));
     let asked = if info.file_integrator.is_empty() { "none" } else { info.file_integrator };
     let depth = info.max_depth.map_or("unbounded".into(), |d| d.to_string());
-    println!("  integrator  {} (the file names {asked}), depth {depth}", info.integrator);
+    line(format_args!("  integrator  {} (the file names {asked}), depth {depth}", info.integrator));
     if let Some(n) = info.sample_count {
-        println!("  samples     {n} per pixel");
+        line(format_args!("  samples     {n} per pixel"));
     }
     let shapes: Vec<String> = info.shapes.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
-    println!("  shapes      {}; {} triangles in meshes", shapes.join(", "), info.triangles);
-    println!("  materials   {}; {} textures, {} texture pixels", info.materials, info.textures, info.texture_pixels);
+    line(format_args!("  shapes      {}; {} triangles in meshes", shapes.join(", "), info.triangles));
+    line(format_args!(
+        "  materials   {}; {} textures, {} texture pixels",
+        info.materials, info.textures, info.texture_pixels
+    ));
     let [cx, cy, cz] = info.bounds_center;
-    println!("  bounds      centre {cx:.4} {cy:.4} {cz:.4}, radius {:.4}", info.bounds_radius);
-    println!("  lights      {}", info.lights.len());
+    line(format_args!("  bounds      centre {cx:.4} {cy:.4} {cz:.4}, radius {:.4}", info.bounds_radius));
+    line(format_args!("  lights      {}", info.lights.len()));
     for light in info.lights.iter().take(LISTED_LIGHTS) {
         let [r, g, b] = light.power;
         let parts = if light.primitives > 1 { format!(", {} triangles", light.primitives) } else { String::new() };
-        println!("    {:<20} {:<24} {r:.4} {g:.4} {b:.4} W{parts}", light.kind, light.name);
+        line(format_args!("    {:<20} {:<24} {r:.4} {g:.4} {b:.4} W{parts}", light.kind, light.name));
     }
     if let Some(rest) = info.lights.get(LISTED_LIGHTS..).filter(|r| !r.is_empty()) {
         let sum: [f64; 3] = std::array::from_fn(|c| rest.iter().map(|l| f64::from(l.power[c])).sum());
-        println!("    and {} more: {:.4} {:.4} {:.4} W in all", rest.len(), sum[0], sum[1], sum[2]);
+        line(format_args!("    and {} more: {:.4} {:.4} {:.4} W in all", rest.len(), sum[0], sum[1], sum[2]));
     }
-    println!("  loaded in {:.2} s, built in {:.2} s", info.load_seconds, info.build_seconds);
-    println!("  warnings    {}", info.warnings.len());
-    info.warnings.iter().for_each(|w| println!("{w}"));
+    line(format_args!("  loaded in {:.2} s, built in {:.2} s", info.load_seconds, info.build_seconds));
+    line(format_args!("  warnings    {}", info.warnings.len()));
+    info.warnings.iter().for_each(|w| line(format_args!("{w}")));
+    text
 }

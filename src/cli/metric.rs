@@ -4,13 +4,12 @@
 
 use std::error::Error;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
 use crate::image::metrics::{Errors, Reference};
-use crate::image::{Picture, diff, png_file, read_image};
+use crate::image::{Picture, atomic, diff, png_file, read_image};
 
 /// Compare a picture with a reference.
 ///
@@ -70,13 +69,15 @@ fn percent(text: &str) -> Result<f64, String> {
 /// # Errors
 /// If a file cannot be read or written, or the sizes disagree.
 pub fn run(args: &MetricArgs) -> Result<(), Box<dyn Error + Send + Sync>> {
+    if let Some(path) = &args.diff {
+        if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("png")) {
+            return Err(format!("{}: the name of the difference picture must end in .png", path.display()).into());
+        }
+        atomic::check(path)?;
+    }
     let errors = compare(args)?;
     let text = if args.json { serde_json::to_string_pretty(&errors)? + "\n" } else { table(&errors) };
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        // Whoever reads has heard enough.
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        other => Ok(other?),
-    }
+    super::print(text)
 }
 
 /// Reads the files, computes the errors, writes the difference picture if one is asked for.

@@ -15,6 +15,8 @@ mod render;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use std::error::Error;
+use std::fmt::Display;
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -56,17 +58,33 @@ pub fn main(start: Instant) -> ExitCode {
         Command::Edges(args) => edges::run(args),
         Command::Metric(args) => metric::run(args),
         Command::Completions { shell } => {
-            clap_complete::generate(*shell, &mut Cli::command(), "dualux", &mut std::io::stdout());
-            Ok(())
+            // Into memory first: the generator panics where its output cannot be written.
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "dualux", &mut script);
+            print(&script)
         }
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("{}", output::error_text(e.as_ref()));
+            tell(output::error_text(e.as_ref()));
             ExitCode::FAILURE
         }
     }
+}
+
+/// Writes a result to stdout. A reader that has gone away (`| head`) has read enough.
+fn print(text: impl AsRef<[u8]>) -> Result<(), Failure> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_ref()).and_then(|()| stdout.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(format!("standard output: {e}").into()),
+        _ => Ok(()),
+    }
+}
+
+/// Writes a line to stderr. If that fails there is nobody left to tell, and it must not end a render.
+fn tell(line: impl Display) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
 #[cfg(test)]

@@ -2,6 +2,9 @@
 
 use std::time::Duration;
 
+/// Longest time limit: a year is as good as none, and keeps the arithmetic of instants in range.
+pub const LONGEST: Duration = Duration::from_secs(32_000_000);
+
 /// `90`, `90s`, `500ms`, `2m`, `1.5h`; seconds where no unit is given.
 pub fn duration(text: &str) -> Result<Duration, String> {
     let split = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
@@ -15,8 +18,7 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     };
     let value: f64 = number.trim().parse().map_err(|_| format!("\"{number}\" is no number"))?;
     let seconds = value * scale;
-    // A year is as good as no limit, and keeps the arithmetic of instants in range.
-    if !(0.0..=3.2e7).contains(&seconds) {
+    if !(0.0..=LONGEST.as_secs_f64()).contains(&seconds) {
         return Err("must lie between 0 and one year".into());
     }
     Ok(Duration::from_secs_f64(seconds))
@@ -82,6 +84,12 @@ pub fn factor(text: &str) -> Result<f64, String> {
     if value > 0.0 && value <= 64.0 { Ok(value) } else { Err("must be above 0 and at most 64".into()) }
 }
 
+/// An exposure in stops, within what 32-bit numbers can be scaled by.
+pub fn stops(text: &str) -> Result<f32, String> {
+    let value: f32 = text.parse().map_err(|_| format!("\"{text}\" is no number"))?;
+    if value.abs() <= 100.0 { Ok(value) } else { Err("must lie between -100 and 100".into()) }
+}
+
 /// `key=value`.
 pub fn definition(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
@@ -126,6 +134,8 @@ mod tests {
         assert!(sample_address("5,6").is_err() && sample_address("9999999999,0,0").is_err());
         assert_eq!(definition("spp=64"), Ok(("spp".into(), "64".into())));
         assert!(definition("=1").is_err() && definition("spp").is_err());
+        assert_eq!(stops("-2.5"), Ok(-2.5));
+        assert!(["nan", "inf", "-101", "x", ""].iter().all(|t| stops(t).is_err()));
         assert!(factor("0").is_err() && factor("nan").is_err() && factor("0.25").is_ok());
     }
 }

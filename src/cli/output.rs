@@ -1,10 +1,10 @@
 //! Writing the picture, its layers and its metadata.
 
 use super::Failure;
-use crate::image::exr_file::{Attribute, ExrImage, Precision, write_exr};
+use crate::image::exr_file::{Attribute, ExrCompression, ExrImage, Precision, write_exr};
 use crate::image::film::Film;
-use crate::image::png_file::{write_codes, write_png};
-use crate::image::{ImageFileError, Window};
+use crate::image::png_file::write_png;
+use crate::image::{ImageFileError, Window, atomic};
 use crate::math::Vec3;
 use crate::render::COARSE_BLOCK;
 use std::error::Error;
@@ -50,28 +50,56 @@ pub struct Output {
     pub attributes: Vec<(String, Attribute)>,
 }
 
-/// Seconds that writing one pixel of one channel of an EXR file takes, upper estimate; a time limit keeps that much back.
-const WRITE_SECONDS_PER_VALUE: f64 = 6e-8;
+/// Upper estimates of what writing takes, seconds: an EXR file without compression, per value (pixel of a channel) ...
+const EXR_SECONDS: f64 = 4e-8;
+/// ... what ZIP adds to that ...
+const ZIP_SECONDS: f64 = 2.5e-7;
+/// ... and a PNG file, per pixel.
+const PNG_SECONDS: f64 = 2e-7;
+/// Share of the time spent rendering that compression may add. Noise hardly shrinks: short renders do without.
+const ZIP_SHARE: f64 = 0.01;
 
 impl Output {
-    /// Checks that every name says a kind that can be written.
+    /// Checks that every name says a kind that can be written, in a folder that can be written to.
     pub fn check(&self) -> Result<(), Failure> {
         for path in &self.paths {
             if !matches!(extension(path).as_str(), "exr" | "png") {
                 return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into());
             }
+            atomic::check(path)?;
         }
         Ok(())
     }
 
-    /// Estimate of the time that [`Self::write`] takes.
-    pub fn write_time(&self, pixels: usize) -> Duration {
-        let layers: usize = self.aovs.len() * 3 + 3;
-        Duration::from_secs_f64((pixels * layers * self.paths.len()) as f64 * WRITE_SECONDS_PER_VALUE)
+    /// Upper estimate of the time that [`Self::write`] takes at the end of a render of length `spent`.
+    pub fn write_time(&self, pixels: usize, spent: Duration) -> Duration {
+        let exr = self.values(pixels) as f64 * EXR_SECONDS
+            + match self.compression(pixels, spent) {
+                ExrCompression::Zip => self.values(pixels) as f64 * ZIP_SECONDS,
+                ExrCompression::None => 0.0,
+            };
+        let one = |path: &PathBuf| if extension(path) == "png" { pixels as f64 * PNG_SECONDS } else { exr };
+        Duration::from_secs_f64(self.paths.iter().map(one).sum())
     }
 
-    /// Writes all files from the film's present state.
-    pub fn write(&self, film: &Film, passes: u64, seconds: f64) -> Result<(), ImageFileError> {
+    /// Values in an EXR file.
+    fn values(&self, pixels: usize) -> usize {
+        let channels = |aov: &Aov| match aov {
+            Aov::Albedo | Aov::Normal | Aov::Variance => 3,
+            Aov::Depth | Aov::Shape | Aov::Samples => 1,
+        };
+        pixels * (3 + self.aovs.iter().map(channels).sum::<usize>())
+    }
+
+    /// Compresses what has taken long enough to compute.
+    fn compression(&self, pixels: usize, spent: Duration) -> ExrCompression {
+        let affordable = self.values(pixels) as f64 * ZIP_SECONDS <= ZIP_SHARE * spent.as_secs_f64();
+        if affordable { ExrCompression::Zip } else { ExrCompression::None }
+    }
+
+    /// Writes all files from the film's present state. `elapsed` is the age of the process, `spent` the time since the
+    /// last files were written.
+    pub fn write(&self, film: &Film, passes: u64, elapsed: Duration, spent: Duration) -> Result<(), ImageFileError> {
         let picture = film.picture(COARSE_BLOCK);
         let (width, height) = (film.width as usize, film.height as usize);
         for path in &self.paths {
@@ -81,11 +109,12 @@ impl Output {
             }
             let window = Window { x: film.x as i32, y: film.y as i32, width, height };
             let mut image = ExrImage::new(window, self.frame);
+            image.compression = self.compression(window.area(), spent);
             image.add_layer("", "RGB", Precision::Float, &picture);
             self.add_layers(&mut image, film);
             image.attributes.clone_from(&self.attributes);
             image.add_attribute("dualux:passes", Attribute::Int(passes as i64));
-            image.add_attribute("dualux:seconds", Attribute::Float(seconds));
+            image.add_attribute("dualux:seconds", Attribute::Float(elapsed.as_secs_f64()));
             write_exr(path, &image)?;
         }
         Ok(())
@@ -132,28 +161,26 @@ pub fn error_text(error: &(dyn Error + 'static)) -> String {
     if text.contains(": error: ") { text } else { format!("error: {text}") }
 }
 
-/// Writes a map of footprints: `codes` (sRGB, 0..1) as PNG, or the channels as EXR.
-pub fn write_map(
-    path: &Path,
-    window: Window,
-    frame: (usize, usize),
-    codes: &[Vec3],
-    channels: &[(&str, Vec<f32>)],
-) -> Result<(), Failure> {
-    match extension(path).as_str() {
-        "png" => {
-            let bytes: Vec<u8> =
-                codes.iter().flat_map(|c| c.to_array()).map(|x| (x * 255.0).round().clamp(0.0, 255.0) as u8).collect();
-            write_codes(path, window.width, window.height, &bytes)?;
-        }
-        "exr" => {
-            let mut image = ExrImage::new(window, frame);
-            for (name, values) in channels {
-                image.add_channel("", name, Precision::Float, values.clone());
-            }
-            write_exr(path, &image)?;
-        }
-        _ => return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into()),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_renders_are_not_compressed_and_long_ones_are() {
+        let output = |aovs| Output {
+            paths: vec!["a.exr".into(), "b.PNG".into()],
+            aovs,
+            exposure: 0.0,
+            frame: (512, 512),
+            attributes: Vec::new(),
+        };
+        let (plain, layered) = (output(vec![]), output(vec![Aov::Albedo, Aov::Depth]));
+        let seconds = Duration::from_secs;
+        assert_eq!(plain.compression(512 * 512, seconds(1)), ExrCompression::None);
+        assert_eq!(plain.compression(512 * 512, seconds(60)), ExrCompression::Zip);
+        assert_eq!(layered.values(100), 700);
+        // What is kept back stays a small share of any limit that leaves time to render at all.
+        assert!(plain.write_time(512 * 512, seconds(1)) < Duration::from_millis(100));
+        assert!(layered.write_time(512 * 512, seconds(60)) < Duration::from_millis(1000));
     }
-    Ok(())
 }

@@ -78,14 +78,17 @@ impl<'a> Reporter<'a> {
 
     fn say(&self, text: &str) {
         if self.lines {
-            eprintln!("{text}");
+            super::tell(text);
         } else {
             self.bar.println(text);
         }
     }
 
-    /// Adds a point to the error curve.
+    /// Adds a point to the error curve, unless it ends with the same passes already.
     pub fn measure(&mut self, passes: u64, film: &Film) {
+        if self.curve.last().is_some_and(|point| point.passes == passes) {
+            return;
+        }
         if let Some(reference) = &self.reference {
             let seconds = self.start.elapsed().as_secs_f64();
             let size = (film.width as usize, film.height as usize);
@@ -115,11 +118,11 @@ impl Observer for Reporter<'_> {
         }
         if self.lines && now - self.last_line >= LINE_INTERVAL {
             self.last_line = now;
-            eprintln!("{message}, {:.1} M samples", counts.samples as f64 * 1e-6);
+            super::tell(format_args!("{message}, {:.1} M samples", counts.samples as f64 * 1e-6));
         }
         self.bar.set_message(message);
         if self.save_every.is_some_and(|every| now - self.last_save >= every) {
-            if let Err(e) = self.output.write(&film(), passes, self.start.elapsed().as_secs_f64()) {
+            if let Err(e) = self.output.write(&film(), passes, self.start.elapsed(), now - self.last_save) {
                 self.say(&format!("warning: snapshot not written: {e}"));
             }
             self.last_save = Instant::now();

@@ -4,12 +4,11 @@ use super::checks::idle_lamps;
 use super::load::{SceneArgs, crop_film, scale_film};
 use super::output::{Aov, Output};
 use super::progress::Reporter;
-use super::{Failure, options};
-use crate::accel::Accel;
+use super::{Failure, options, print, tell};
 use crate::formats::Diagnostic;
 use crate::image::exr_file::Attribute;
 use crate::image::metrics::Reference;
-use crate::image::{Window, read_image};
+use crate::image::{Window, atomic, read_image};
 use crate::integrators::path::{Path, PathSettings};
 use crate::integrators::{Counts, Integrator, World};
 use crate::render::{InvalidSample, Progress, RenderSettings, render, replay, tiles_per_pass};
@@ -62,7 +61,7 @@ pub struct RenderArgs {
     #[arg(long, value_enum, value_delimiter = ',')]
     aov: Vec<Aov>,
     /// Exposure of PNG files, in stops.
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = options::stops)]
     exposure: f32,
     /// Write the picture so far at this interval.
     #[arg(long, value_parser = options::duration)]
@@ -121,19 +120,22 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     if let Some(window) = args.crop {
         crop_film(&mut description, window)?;
     }
-    let output = output(args, (description.film.width as usize, description.film.height as usize))?;
     let seed = args.seed.unwrap_or(description.seed);
+    let frame = (description.film.width as usize, description.film.height as usize);
+    // A name that cannot be written must not cost a render.
+    let output = output(args, frame, seed)?;
     let (scene, accel) = args.scene.build(description)?;
     let integrator = Path::new(World { scene: &scene, accel: &accel }, path_settings(args, &scene.integrator));
     if let Some((x, y, pass)) = args.replay {
         let s = replay(&scene, &integrator, seed, InvalidSample { x, y, pass });
-        println!("pixel {x},{y} pass {pass}: radiance {:?}, filter weight {}", s.radiance.to_array(), s.weight);
-        return Ok(());
+        let radiance = s.radiance.to_array();
+        return print(format!("pixel {x},{y} pass {pass}: radiance {radiance:?}, filter weight {}\n", s.weight));
     }
 
     let window = scene.film.crop;
-    let reference = read_reference(args, window)?;
-    let limit = args.time_limit.or_else(|| scene.integrator.timeout.map(Duration::from_secs_f64));
+    let reference = read_reference(args, frame, window)?;
+    let timeout = || scene.integrator.timeout.and_then(|t| Duration::try_from_secs_f64(t).ok());
+    let limit = args.time_limit.or_else(timeout).filter(|l| *l <= options::LONGEST);
     let passes = args.passes.or(args.spp).or(match limit {
         None => Some(scene.sample_count.map_or(DEFAULT_PASSES, u64::from)),
         Some(_) => None,
@@ -141,13 +143,21 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     let settings = RenderSettings {
         window,
         passes,
-        deadline: limit.map(|l| start + l.saturating_sub(output.write_time((window[2] * window[3]) as usize))),
+        deadline: limit
+            .map(|l| start + l.saturating_sub(output.write_time(window[2] as usize * window[3] as usize, l))),
         seed,
         features: output.aovs.iter().any(|a| a.is_feature()),
     };
     let load_seconds = start.elapsed().as_secs_f64();
     if args.verbose {
-        eprintln!("loaded in {load_seconds:.2} s: {} triangles", scene.triangle_count());
+        tell(format_args!("loaded in {load_seconds:.2} s: {} triangles", scene.triangle_count()));
+    }
+    let named = scene.integrator.name.as_str();
+    if !args.quiet && args.integrator.is_none() && !matches!(named, "" | "path") {
+        tell(format_args!(
+            "note: the file names the integrator \"{named}\"; \"{}\" runs in its place",
+            integrator.name()
+        ));
     }
 
     let stop = stop_on_signals()?;
@@ -158,8 +168,8 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     reporter.measure(done.passes, &done.film);
     reporter.finish();
 
-    output.write(&done.film, done.passes, start.elapsed().as_secs_f64())?;
-    let remarks = remarks(&scene, &accel, &integrator, &done);
+    output.write(&done.film, done.passes, start.elapsed(), start.elapsed())?;
+    let remarks = remarks(&scene, &integrator, &done);
     let (mean, standard_error) = done.film.mean_and_error();
     let total_seconds = start.elapsed().as_secs_f64();
     if let Some(path) = &args.stats_json {
@@ -180,35 +190,45 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
             error_curve: &reporter.curve,
         };
         let text = serde_json::to_string_pretty(&stats)?;
-        std::fs::write(path, text + "\n").map_err(|e| format!("{}: {e}", path.display()))?;
+        atomic::write_file(path, (text + "\n").as_bytes())?;
     }
-    remarks.iter().for_each(|r| eprintln!("note: {r}"));
+    remarks.iter().for_each(|r| tell(format_args!("note: {r}")));
     if stop.load(Ordering::Relaxed) {
-        eprintln!("stopped by a signal after {} passes; the picture so far is written", done.passes);
+        tell(format_args!("stopped by a signal after {} passes; the picture so far is written", done.passes));
     }
     if !args.quiet {
         for path in &output.paths {
-            println!("{}: {} passes, {total_seconds:.2} s", path.display(), done.passes);
+            print(format!("{}: {} passes, {total_seconds:.2} s\n", path.display(), done.passes))?;
         }
     }
     Ok(())
 }
 
-/// What files are to be written; fails early if a name is of no known kind.
-fn output(args: &RenderArgs, frame: (usize, usize)) -> Result<Output, Failure> {
+/// What files are to be written; fails early if a name is of no known kind or its folder cannot be written to.
+fn output(args: &RenderArgs, frame: (usize, usize), seed: u64) -> Result<Output, Failure> {
     let mut paths = args.output.clone();
     if paths.is_empty() {
         let stem = args.scene.scene.file_stem().unwrap_or_else(|| "out".as_ref());
         paths.push(PathBuf::from(stem).with_extension("exr"));
     }
-    let command: Vec<String> = std::env::args().skip(1).collect();
+    let command: Vec<String> = std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
     let attributes = vec![
         ("dualux:version".to_string(), Attribute::Text(env!("CARGO_PKG_VERSION").into())),
         ("dualux:command".to_string(), Attribute::Text(command.join(" "))),
-        ("dualux:seed".to_string(), Attribute::Text(args.seed.unwrap_or_default().to_string())),
+        ("dualux:seed".to_string(), Attribute::Text(seed.to_string())),
     ];
-    let output = Output { paths, aovs: args.aov.clone(), exposure: args.exposure, frame, attributes };
-    output.check()?;
+    let mut aovs = Vec::new();
+    for aov in &args.aov {
+        // A layer that is asked for twice is written once.
+        if !aovs.contains(aov) {
+            aovs.push(*aov);
+        }
+    }
+    let output = Output { paths, aovs, exposure: args.exposure, frame, attributes };
+    if args.replay.is_none() {
+        output.check()?;
+        args.stats_json.as_deref().map_or(Ok(()), atomic::check)?;
+    }
     Ok(output)
 }
 
@@ -221,13 +241,23 @@ fn path_settings(args: &RenderArgs, file: &IntegratorDesc) -> PathSettings {
     }
 }
 
-fn read_reference(args: &RenderArgs, [x, y, width, height]: [u32; 4]) -> Result<Option<Reference>, Failure> {
+/// The references, cut to the window: each shows the whole `frame`, or is a picture of the window's size.
+fn read_reference(
+    args: &RenderArgs,
+    frame: (usize, usize),
+    [x, y, width, height]: [u32; 4],
+) -> Result<Option<Reference>, Failure> {
     let window = Window { x: x as i32, y: y as i32, width: width as usize, height: height as usize };
     let mut pictures = Vec::new();
     for path in &args.reference {
         let picture = read_image(path)?;
         let (w, h) = (picture.width(), picture.height());
-        let fitting = if (w, h) == (window.width, window.height) { Some(picture) } else { picture.cropped(window) };
+        let fitting = if picture.frame == frame {
+            picture.cropped(window)
+        } else {
+            // A crop that forgot where it came from.
+            Some(picture).filter(|p| p.frame == (window.width, window.height) && p.window.area() == window.area())
+        };
         let problem = || format!("{}: {w} x {h} pixels do not fit the image of {width} x {height}", path.display());
         pictures.push(fitting.ok_or_else(problem)?);
     }
@@ -250,7 +280,7 @@ fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
 }
 
 fn print_warnings(warnings: &[Diagnostic]) {
-    warnings.iter().for_each(|w| eprintln!("{w}"));
+    warnings.iter().for_each(tell);
 }
 
 /// What the user should know after the run.
@@ -276,7 +306,7 @@ fn remarks(scene: &Scene, accel: &Accel, integrator: &dyn Integrator, done: &Pro
         ));
     }
     if done.passes == 0 {
-        out.push("the time limit fell into the first pass: parts of the picture are coarse".into());
+        out.push("the render ended within its first pass: parts of the picture are coarse".into());
     }
     out
 }

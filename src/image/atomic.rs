@@ -17,6 +17,24 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ImageFileError> {
     replace(path, bytes).map_err(|e| ImageFileError::io(path, e))
 }
 
+/// Finds out whether [`write_file`] will be able to write to `path`, and writes nothing that stays.
+///
+/// # Errors
+/// If the folder does not exist or cannot be written to, or `path` is a folder.
+pub fn check(path: &Path) -> Result<(), ImageFileError> {
+    let probe = || match fs::metadata(path) {
+        Ok(there) if there.is_dir() => Err(io::Error::other("is a folder, not a file")),
+        Ok(there) if !there.is_file() => Ok(()),
+        there => {
+            let target = if there.is_ok() { fs::canonicalize(path)? } else { path.to_owned() };
+            let temporary = temporary_beside(&target)?;
+            OpenOptions::new().write(true).create_new(true).open(&temporary)?;
+            fs::remove_file(&temporary)
+        }
+    };
+    probe().map_err(|e| ImageFileError::io(path, e))
+}
+
 fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let target = match fs::metadata(path) {
         Ok(there) if there.is_dir() => return Err(io::Error::other("is a folder, not a file")),
@@ -81,6 +99,19 @@ mod tests {
         assert!(error.to_string().contains("missing"), "{error}");
         assert!(write_file(Path::new("/"), b"x").is_err());
         assert!(write_file(Path::new(""), b"x").is_err());
+    }
+
+    #[test]
+    fn check_foretells_what_write_does_and_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        check(&path).unwrap();
+        write_file(&path, b"content").unwrap();
+        check(&path).unwrap();
+        assert_eq!((fs::read(&path).unwrap(), names(folder.path())), (b"content".to_vec(), vec!["a.bin".to_owned()]));
+        for bad in [folder.path().join("missing/a.bin"), folder.path().to_owned(), path.join("b.bin"), "".into()] {
+            assert!(check(&bad).is_err() && write_file(&bad, b"x").is_err(), "{bad:?}");
+        }
     }
 
     #[cfg(unix)]
