@@ -3,6 +3,7 @@
 //! Same operations in the same order as `portable`, eight boxes or four triangles at a time. No fused multiply-add: the
 //! results are equal bit for bit. This is the only file of the crate with `unsafe`.
 
+use super::footprint::{self, Beam, Visitor};
 use super::layout::Tree;
 use super::{Hit, Ray};
 
@@ -15,7 +16,7 @@ pub(super) use fallback::Avx2;
 #[cfg(not(target_arch = "x86_64"))]
 mod fallback {
     use super::super::portable;
-    use super::{Hit, Ray, Tree};
+    use super::{Beam, Hit, Ray, Tree, Visitor, footprint};
 
     /// There is no such processor here.
     #[derive(Clone, Copy, Debug)]
@@ -33,6 +34,10 @@ mod fallback {
         pub fn occluded(self, tree: &Tree, ray: &Ray) -> bool {
             portable::occluded(tree, ray)
         }
+
+        pub fn walk(self, tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
+            footprint::walk(tree, beam, visitor);
+        }
     }
 }
 
@@ -40,7 +45,7 @@ mod fallback {
 mod x86 {
     use super::super::layout::{Child, Node8, Tri4, View};
     use super::super::traverse::{self, Kernel, Near, Query, TriHits};
-    use super::{Hit, Ray, Tree};
+    use super::{Beam, Hit, Ray, Tree, Visitor, footprint};
     use std::arch::x86_64::*;
 
     /// Proof that the processor has AVX2 and the bit instructions that came with it.
@@ -71,6 +76,18 @@ mod x86 {
             // SAFETY: `self` proves that the processor has what the function enables.
             unsafe { occluded_avx2(tree, ray) }
         }
+
+        /// Whatever a beam may meet.
+        #[inline(always)]
+        pub fn walk(self, tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
+            // SAFETY: `self` proves that the processor has what the function enables.
+            unsafe { walk_avx2(tree, beam, visitor) }
+        }
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    fn walk_avx2(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
+        footprint::walk(tree, beam, visitor);
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]

@@ -53,6 +53,8 @@ pub trait Visitor {
 
 /// Rounding of slab distances, as for rays.
 const FAR_SCALE: f32 = 1.0 + 8.0 * f32::EPSILON;
+/// The same for near faces.
+const NEAR_SCALE: f32 = 1.0 - 8.0 * f32::EPSILON;
 
 /// Entries of the stack; the builder limits the depth of trees so that it suffices.
 const STACK: usize = super::traverse::LONG_STACK + 8;
@@ -77,18 +79,18 @@ impl Slabs {
         let mut s =
             Slabs { o: [[0.0; 2]; 3], enter: [[0.0; 2]; 3], leave: [(0, f32::NAN); 3], tmin: beam.tmin.max(0.0) };
         for axis in 0..3 {
-            let (slow, fast) = (beam.d[0][axis].next_down(), beam.d[1][axis].next_up());
+            let (slow, fast) = (beam.d[0][axis], beam.d[1][axis]);
             s.o[axis] = [beam.o[1][axis], beam.o[0][axis]];
             if fast > 0.0 {
-                s.enter[axis][0] = 1.0 / fast / FAR_SCALE;
+                s.enter[axis][0] = NEAR_SCALE / fast;
             }
             if slow < 0.0 {
-                s.enter[axis][1] = 1.0 / slow / FAR_SCALE;
+                s.enter[axis][1] = NEAR_SCALE / slow;
             }
             if slow > 0.0 {
-                s.leave[axis] = (1, 1.0 / slow * FAR_SCALE);
+                s.leave[axis] = (1, FAR_SCALE / slow);
             } else if fast < 0.0 {
-                s.leave[axis] = (0, 1.0 / fast * FAR_SCALE);
+                s.leave[axis] = (0, FAR_SCALE / fast);
             }
         }
         Some(s)
@@ -109,8 +111,12 @@ impl Slabs {
             for i in 0..8 {
                 // Unused slots have infinite faces: 0 * inf is NaN, which constrains nothing, but another axis does.
                 near[i] = larger((lo[i] - o_max) * e0, near[i]);
-                near[i] = larger((hi[i] - o_min) * e1, near[i]);
                 far[i] = smaller((face[i] - from) * leave, far[i]);
+            }
+            if e1 != 0.0 {
+                for i in 0..8 {
+                    near[i] = larger((hi[i] - o_min) * e1, near[i]);
+                }
             }
         }
         let mut mask = 0;
@@ -167,12 +173,16 @@ impl Accel {
     /// A rectangle may come twice.
     #[inline]
     pub fn walk(&self, beam: &Beam, visitor: &mut impl Visitor) {
-        walk(&self.tree, beam, visitor);
+        match self.avx2 {
+            Some(avx2) => avx2.walk(&self.tree, beam, visitor),
+            None => walk(&self.tree, beam, visitor),
+        }
     }
 }
 
+/// The walk itself; compiled for AVX2 as well, with the same operations.
 #[inline(always)]
-fn walk(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
+pub(super) fn walk(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
     let (Some(slabs), Some(root)) = (Slabs::new(beam), tree.nodes.first()) else { return };
     let mut stack = ArrayVec::<u64, STACK>::new();
     let mut node = root;

@@ -2,9 +2,12 @@
 
 use super::Failure;
 use super::load::SceneArgs;
-use super::output::write_map;
+use super::output::{edge_channels, write_map};
 use crate::edge::map::{Cell, area_lights};
-use crate::edge::score::{compare, light_cost, light_truth, pixel_cost, pixel_truth};
+use crate::edge::unrolled::Unrolled;
+use crate::edge::score::{
+    compare, emission_cost, emission_truth, light_cost, light_truth, pixel_cost, pixel_truth,
+};
 use crate::edge::{EdgeDetector, Kinds, Settings};
 use crate::image::Window;
 use crate::math::Vec3;
@@ -29,6 +32,12 @@ pub struct EdgesArgs {
     /// The map of area light K, counted from 0 as in the file: where it is partly visible.
     #[arg(long, value_name = "K")]
     light: Option<usize>,
+    /// The emission domain of area light K, unrolled: a hemicube round its middle, sides round the top.
+    #[arg(long, value_name = "K", conflicts_with = "light")]
+    emission: Option<usize>,
+    /// Cells across the top of the hemicube.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u16).range(2..=2048))]
+    cells: u16,
     /// Compare with brute force of N x N rays per footprint and print recall, precision and cost, for both tests.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=256))]
     score: Option<u16>,
@@ -84,26 +93,31 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
     let (scene, accel) = args.scene.build(loaded.description)?;
     let settings = Settings { test: args.test.into(), order: usize::from(args.order), ..Settings::default() };
     let detector = EdgeDetector::with_settings(&scene, &accel, settings);
-    let crop = scene.film.crop;
-    let light = args.light.map(|k| {
-        let lights = area_lights(&scene);
+    let lights = area_lights(&scene);
+    let light = |option: &str, k: usize| {
         let n = lights.len();
-        lights.get(k).copied().ok_or_else(|| format!("--light {k}: the scene has {n} area lights, counted from 0"))
-    });
-    let light = light.transpose()?;
-    let map = map_of(&detector, light, crop);
+        lights.get(k).copied().ok_or_else(|| format!("{option} {k}: the scene has {n} area lights, counted from 0"))
+    };
+    let crop = scene.film.crop;
+    let (question, frame, window) = match (args.light, args.emission) {
+        (Some(k), _) => (Question::Light(light("--light", k)?, k), [scene.film.width, scene.film.height], crop),
+        (None, Some(k)) => {
+            let cells = Unrolled::new(&scene, light("--emission", k)?, u32::from(args.cells))
+                .ok_or_else(|| format!("--emission {k}: only flat lights have an emission map"))?;
+            let size = cells.size();
+            (Question::Emission(cells, k), [size; 2], [0, 0, size, size])
+        }
+        (None, None) => (Question::Pixel, [scene.film.width, scene.film.height], crop),
+    };
+    let map = question.map(&detector, window);
     if let Some(n) = args.score {
-        score(args, &detector, light, crop, usize::from(n))?;
+        score(args, &detector, &question, window, usize::from(n))?;
     }
-    let [x, y, w, h] = crop;
+    let [x, y, w, h] = window;
     let window = Window { x: x as i32, y: y as i32, width: w as usize, height: h as usize };
-    let frame = (scene.film.width as usize, scene.film.height as usize);
+    let frame = (frame[0] as usize, frame[1] as usize);
     let colours: Vec<Vec3> = map.iter().map(colour).collect();
-    let channels = [
-        ("event", map.iter().map(|c| f32::from(u8::from(c.event))).collect()),
-        ("kinds", map.iter().map(|c| f32::from(c.kinds.0)).collect()),
-        ("distance", map.iter().map(|c| c.distance as f32).collect::<Vec<f32>>()),
-    ];
+    let channels = edge_channels(&map);
     for path in &args.output {
         write_map(path, window, frame, &colours, &channels)?;
     }
@@ -112,10 +126,46 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn map_of(detector: &EdgeDetector, light: Option<u32>, crop: [u32; 4]) -> Vec<Cell> {
-    match light {
-        None => detector.pixel_map(crop),
-        Some(light) => detector.light_map(light, crop),
+/// Which footprints.
+enum Question {
+    Pixel,
+    /// Shape, number.
+    Light(u32, usize),
+    /// Cells, number of the light.
+    Emission(Unrolled, usize),
+}
+
+impl Question {
+    fn map(&self, detector: &EdgeDetector, window: [u32; 4]) -> Vec<Cell> {
+        match self {
+            Question::Pixel => detector.pixel_map(window),
+            Question::Light(light, _) => detector.light_map(*light, window),
+            Question::Emission(cells, _) => cells.map(detector),
+        }
+    }
+
+    fn truth(&self, detector: &EdgeDetector, window: [u32; 4], n: usize) -> Vec<Option<bool>> {
+        match self {
+            Question::Pixel => pixel_truth(detector, window, n),
+            Question::Light(light, _) => light_truth(detector, *light, window, n),
+            Question::Emission(cells, _) => emission_truth(detector, cells, n),
+        }
+    }
+
+    fn cost(&self, detector: &EdgeDetector, window: [u32; 4]) -> (f64, f64) {
+        match self {
+            Question::Pixel => pixel_cost(detector, window),
+            Question::Light(light, _) => light_cost(detector, *light, window),
+            Question::Emission(cells, _) => emission_cost(detector, cells),
+        }
+    }
+
+    fn family(&self) -> String {
+        match self {
+            Question::Pixel => "pixel".into(),
+            Question::Light(_, k) => format!("light:{k}"),
+            Question::Emission(_, k) => format!("emission:{k}"),
+        }
     }
 }
 
@@ -123,15 +173,11 @@ fn map_of(detector: &EdgeDetector, light: Option<u32>, crop: [u32; 4]) -> Vec<Ce
 fn score(
     args: &EdgesArgs,
     detector: &EdgeDetector,
-    light: Option<u32>,
-    crop: [u32; 4],
+    question: &Question,
+    window: [u32; 4],
     n: usize,
 ) -> Result<(), Failure> {
-    let truth = match light {
-        None => pixel_truth(detector, crop, n),
-        Some(light) => light_truth(detector, light, crop, n),
-    };
-    let family = args.light.map_or("pixel".into(), |k| format!("light:{k}"));
+    let truth = question.truth(detector, window, n);
     let mut scores = Vec::new();
     println!(
         "family     test     order  footprints    edges  recall                  precision               cost  ns"
@@ -140,12 +186,9 @@ fn score(
         let settings = Settings { test: test.into(), ..detector.settings };
         let detector = EdgeDetector::with_settings(detector.scene, detector.accel, settings);
         let name = if test == TestChoice::Bounds { "bounds" } else { "corners" };
-        let map = map_of(&detector, light, crop);
-        let mut s = compare(family.clone(), name, settings.order, &map, &truth, n);
-        (s.cost_ratio, s.query_ns) = match light {
-            None => pixel_cost(&detector, crop),
-            Some(light) => light_cost(&detector, light, crop),
-        };
+        let map = question.map(&detector, window);
+        let mut s = compare(question.family(), name, settings.order, &map, &truth, n);
+        (s.cost_ratio, s.query_ns) = question.cost(&detector, window);
         let interval = |p: f64, [a, b]: [f64; 2]| format!("{p:.4} [{a:.4}, {b:.4}]");
         println!(
             "{:<10} {:<8} {:>5} {:>11} {:>8}  {}  {}  {:>4.2}  {:.0}",

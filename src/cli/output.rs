@@ -1,7 +1,8 @@
 //! Writing the picture, its layers and its metadata.
 
 use super::Failure;
-use crate::image::exr_file::{Attribute, ExrCompression, ExrImage, Precision, write_exr};
+use crate::edge::map::Cell;
+use crate::image::exr_file::{Attribute, ExrImage, Precision, write_exr};
 use crate::image::film::Film;
 use crate::image::png_file::write_png;
 use crate::image::{ImageFileError, Window, atomic};
@@ -26,6 +27,8 @@ pub enum Aov {
     Variance,
     /// Number of samples (`samples.N`).
     Samples,
+    /// Predicted edges (`edges.event`, `.kinds`, `.distance`; see `dualux edges --help`).
+    Edges,
 }
 
 impl Aov {
@@ -46,6 +49,8 @@ pub struct Output {
     pub exposure: f32,
     /// Width and height of the full film.
     pub frame: (usize, usize),
+    /// The map of edges, if it is asked for: one cell per pixel of the film.
+    pub edges: Vec<Cell>,
     /// Metadata that does not change while rendering.
     pub attributes: Vec<(String, Attribute)>,
 }
@@ -141,6 +146,11 @@ impl Output {
                     image.add_channel("shape", "I", Precision::Float, v);
                 }
                 Aov::Variance => image.add_layer("variance", "RGB", Precision::Float, &film.variance()),
+                Aov::Edges => {
+                    for (name, values) in edge_channels(&self.edges) {
+                        image.add_channel("edges", name, Precision::Float, values);
+                    }
+                }
                 Aov::Samples => {
                     let v = film.pixels().iter().map(|p| p.count() as f32).collect();
                     image.add_channel("samples", "N", Precision::Float, v);
@@ -161,26 +171,36 @@ pub fn error_text(error: &(dyn Error + 'static)) -> String {
     if text.contains(": error: ") { text } else { format!("error: {text}") }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Channels of a map of footprints.
+pub fn edge_channels(map: &[Cell]) -> [(&'static str, Vec<f32>); 3] {
+    [
+        ("event", map.iter().map(|c| f32::from(u8::from(c.event))).collect()),
+        ("kinds", map.iter().map(|c| f32::from(c.kinds.0)).collect()),
+        ("distance", map.iter().map(|c| c.distance as f32).collect()),
+    ]
+}
 
-    #[test]
-    fn short_renders_are_not_compressed_and_long_ones_are() {
-        let output = |aovs| Output {
-            paths: vec!["a.exr".into(), "b.PNG".into()],
-            aovs,
-            exposure: 0.0,
-            frame: (512, 512),
-            attributes: Vec::new(),
-        };
-        let (plain, layered) = (output(vec![]), output(vec![Aov::Albedo, Aov::Depth]));
-        let seconds = Duration::from_secs;
-        assert_eq!(plain.compression(512 * 512, seconds(1)), ExrCompression::None);
-        assert_eq!(plain.compression(512 * 512, seconds(60)), ExrCompression::Zip);
-        assert_eq!(layered.values(100), 700);
-        // What is kept back stays a small share of any limit that leaves time to render at all.
-        assert!(plain.write_time(512 * 512, seconds(1)) < Duration::from_millis(100));
-        assert!(layered.write_time(512 * 512, seconds(60)) < Duration::from_millis(1000));
+/// Writes a map of footprints: `codes` (sRGB, 0..1) as PNG, or the channels as EXR.
+pub fn write_map(
+    path: &Path,
+    window: Window,
+    frame: (usize, usize),
+    codes: &[Vec3],
+    channels: &[(&str, Vec<f32>)],
+) -> Result<(), Failure> {
+    match extension(path).as_str() {
+        "png" => {
+            let bytes: Vec<u8> =
+                codes.iter().flat_map(|c| c.to_array()).map(|x| (x * 255.0).round().clamp(0.0, 255.0) as u8).collect();
+            write_codes(path, window.width, window.height, &bytes)?;
+        }
+        "exr" => {
+            let mut image = ExrImage::new(window, frame);
+            for (name, values) in channels {
+                image.add_channel("", name, Precision::Float, values.clone());
+            }
+            write_exr(path, &image)?;
+        }
+        _ => return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into()),
     }
 }

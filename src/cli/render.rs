@@ -4,7 +4,8 @@ use super::checks::idle_lamps;
 use super::load::{SceneArgs, crop_film, scale_film};
 use super::output::{Aov, Output};
 use super::progress::Reporter;
-use super::{Failure, options, print, tell};
+use super::{Failure, options};
+use crate::edge::EdgeDetector;
 use crate::formats::Diagnostic;
 use crate::image::exr_file::Attribute;
 use crate::image::metrics::Reference;
@@ -120,6 +121,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     if let Some(window) = args.crop {
         crop_film(&mut description, window)?;
     }
+    let mut output = output(args, (description.film.width as usize, description.film.height as usize))?;
     let seed = args.seed.unwrap_or(description.seed);
     let frame = (description.film.width as usize, description.film.height as usize);
     // A name that cannot be written must not cost a render.
@@ -133,9 +135,11 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     }
 
     let window = scene.film.crop;
-    let reference = read_reference(args, frame, window)?;
-    let timeout = || scene.integrator.timeout.and_then(|t| Duration::try_from_secs_f64(t).ok());
-    let limit = args.time_limit.or_else(timeout).filter(|l| *l <= options::LONGEST);
+    if output.aovs.contains(&Aov::Edges) {
+        output.edges = EdgeDetector::new(&scene, &accel).pixel_map(window);
+    }
+    let reference = read_reference(args, window)?;
+    let limit = args.time_limit.or_else(|| scene.integrator.timeout.map(Duration::from_secs_f64));
     let passes = args.passes.or(args.spp).or(match limit {
         None => Some(scene.sample_count.map_or(DEFAULT_PASSES, u64::from)),
         Some(_) => None,
@@ -217,18 +221,8 @@ fn output(args: &RenderArgs, frame: (usize, usize), seed: u64) -> Result<Output,
         ("dualux:command".to_string(), Attribute::Text(command.join(" "))),
         ("dualux:seed".to_string(), Attribute::Text(seed.to_string())),
     ];
-    let mut aovs = Vec::new();
-    for aov in &args.aov {
-        // A layer that is asked for twice is written once.
-        if !aovs.contains(aov) {
-            aovs.push(*aov);
-        }
-    }
-    let output = Output { paths, aovs, exposure: args.exposure, frame, attributes };
-    if args.replay.is_none() {
-        output.check()?;
-        args.stats_json.as_deref().map_or(Ok(()), atomic::check)?;
-    }
+    let output = Output { paths, aovs: args.aov.clone(), exposure: args.exposure, frame, edges: Vec::new(), attributes };
+    output.check()?;
     Ok(output)
 }
 

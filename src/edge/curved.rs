@@ -90,6 +90,14 @@ impl Curved {
             Geometry::Sphere(s) => {
                 let sphere = Sphere::new(to_dual(s.center.as_dvec3()), f64::from(s.radius));
                 let mut curved = out(Surface::Sphere(sphere));
+                match passes(view, &sphere) {
+                    Some(true) => {
+                        curved.covers = CORNERS.iter().all(|p| curved.hit(view, *p).is_some());
+                        return Some(curved);
+                    }
+                    Some(false) => return None,
+                    None => {}
+                }
                 let Some(circle) = silhouette(view, &sphere) else {
                     return Some(curved);
                 };
@@ -169,6 +177,31 @@ impl Circle {
     fn at(&self, a: f64) -> DVec3 {
         let (sin, cos) = a.sin_cos();
         self.c + self.u * cos + self.v * sin
+    }
+}
+
+/// Whether all rays of a pyramid clearly meet a sphere (true), or all pass it (false), by distances; most are decided here.
+fn passes(view: &View, s: &Sphere<f64>) -> Option<bool> {
+    if !view.perspective {
+        return None;
+    }
+    let (m, d) = (from_dual(s.centre) - view.origin(), from_dual(view.family.d));
+    let d2 = d.length_squared();
+    let along = m.dot(d);
+    // How far a ray of the footprint is from the centre ray where that is closest, at most; its cosine is near 1.
+    let [a, b] = view.family.d_p.map(|v| from_dual(v).length());
+    let widest = a + b;
+    if widest * widest > 0.01 * d2 || along <= 0.0 || m.length_squared() <= s.radius * s.radius {
+        return None;
+    }
+    let reach = 1.02 * m.length() * widest / d2.sqrt();
+    let off = (m.length_squared() - along * along / d2).max(0.0).sqrt();
+    if off > s.radius + reach {
+        Some(false)
+    } else if off + reach < s.radius {
+        Some(true)
+    } else {
+        None
     }
 }
 

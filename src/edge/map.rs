@@ -1,8 +1,9 @@
 //! Edge maps: one footprint per pixel.
 
-use super::kinds::{Kinds, LightVerdict, Verdict};
+use super::kinds::{Events, Kinds, LightVerdict, Verdict};
 use super::light::Receiver;
 use super::pixel::{self, PixelFamily};
+use super::predicted::D1;
 use super::{EdgeDetector, NOTHING};
 use crate::accel::{Hit, Ray};
 use crate::math::Vec2;
@@ -38,7 +39,24 @@ impl EdgeDetector<'_> {
                     self.any(&view, None)
                 }
             }
-            _ => Verdict::Unknown(NOTHING),
+            Some(PixelFamily::Lens(family, t)) => {
+                let ray = self.scene.camera.ray(Vec2::new(centre[0] as f32, centre[1] as f32), Vec2::splat(0.5));
+                let hit = self.accel.closest(&Ray { o: ray.o, d: ray.d, tmin: ray.tmin, tmax: ray.tmax });
+                // The family's directions have depth 1, the camera's length 1.
+                let length = super::view::from_dual(family.d).length();
+                self.predict(&family.ray(), t, None, hit.map(|h| (h.shape, f64::from(h.t) / length)))
+            }
+            None => Verdict::Unknown(NOTHING),
+        }
+    }
+
+    /// What a pixel sees by smooth reflection and refraction.
+    pub fn pixel_chain(&self, x: u32, y: u32) -> Events {
+        let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+        match pixel::family(&self.scene.camera, centre, [0.5; 2]) {
+            Some(PixelFamily::Exact(view)) => self.chain(&view.family.ray::<D1<2>>(), view.t),
+            Some(PixelFamily::Lens(family, t)) => self.chain(&family.ray::<D1<4>>(), t),
+            None => NOTHING,
         }
     }
 
@@ -55,7 +73,12 @@ impl EdgeDetector<'_> {
     pub fn pixel_map(&self, [x0, y0, w, h]: [u32; 4]) -> Vec<Cell> {
         rows(w, h, |x, y| {
             let verdict = self.pixel(x0 + x, y0 + y, true);
-            Cell { event: verdict.needs_samples(), kinds: verdict.kinds(), distance: verdict.distance() }
+            let chain = self.pixel_chain(x0 + x, y0 + y);
+            Cell {
+                event: verdict.needs_samples(),
+                kinds: verdict.kinds() | chain.kinds,
+                distance: verdict.distance().min(chain.distance),
+            }
         })
     }
 
@@ -73,6 +96,6 @@ impl EdgeDetector<'_> {
     }
 }
 
-fn rows(w: u32, h: u32, cell: impl Fn(u32, u32) -> Cell + Sync) -> Vec<Cell> {
+pub(super) fn rows(w: u32, h: u32, cell: impl Fn(u32, u32) -> Cell + Sync) -> Vec<Cell> {
     (0..h).into_par_iter().flat_map_iter(|y| (0..w).map(|x| cell(x, y)).collect::<Vec<_>>()).collect()
 }

@@ -6,6 +6,8 @@
 use super::light::Receiver;
 use super::map::Cell;
 use super::pixel::{self, PixelFamily};
+use super::unrolled::Unrolled;
+use super::view::from_dual;
 use super::{EdgeDetector, oracle};
 use crate::accel::Ray;
 use crate::math::Vec2;
@@ -82,6 +84,38 @@ pub fn light_truth(detector: &EdgeDetector, light: u32, [x0, y0, w, h]: [u32; 4]
         oracle::light(detector.scene, detector.accel, light, &Receiver::new(&at, -ray.d), n)
     };
     (0..w * h).into_par_iter().map(one).collect()
+}
+
+/// The same for a light's emission. Rays start just off the light.
+pub fn emission_truth(detector: &EdgeDetector, cells: &Unrolled, n: usize) -> Vec<Option<bool>> {
+    let size = cells.size();
+    let start = 1e-6 * f64::from(detector.scene.bounds.1);
+    let one = |i: u32| {
+        let mut view = cells.view(i % size, i / size)?;
+        view.t[0] = start;
+        Some(oracle::sight(detector.scene, detector.accel, &view, n))
+    };
+    (0..size * size).into_par_iter().map(one).collect()
+}
+
+/// Cost of emission queries: (ratio, nanoseconds).
+pub fn emission_cost(detector: &EdgeDetector, cells: &Unrolled) -> (f64, f64) {
+    let size = cells.size();
+    medians(runs([0, 0, size, size]).filter_map(|pixels| {
+        let views: Vec<_> = pixels.iter().filter_map(|&(x, y)| cells.view(x, y)).collect();
+        if views.is_empty() {
+            return None;
+        }
+        let query = time(&views, |view| {
+            black_box(detector.any(view, Some(cells.facet())));
+        });
+        let ray = time(&views, |view| {
+            let r = view.ray_at([0.0; 2]);
+            let (o, d) = (from_dual(r.o).as_vec3(), from_dual(r.d).as_vec3());
+            black_box(detector.accel.closest(&Ray { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY }));
+        });
+        Some((query, ray))
+    }))
 }
 
 /// Compares a map with the truth. The cost is filled in by the caller.

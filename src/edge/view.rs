@@ -153,11 +153,11 @@ impl View {
         } else {
             [-x, x, -y, y]
         };
-        let n = planes.map(|n| n.normalize_or_zero().as_vec3());
+        let n = planes.map(|n| n.as_vec3());
         let rounding = 32.0 * f32::EPSILON * (reach + o.abs().max_element());
-        // A prism's planes stand off its middle by one half width each.
-        let width = |k: usize| if self.perspective { 0.0 } else { 1.0 / planes[k].length() as f32 };
-        beam.sides = Some(Sides { o, n, slack: std::array::from_fn(|k| rounding + width(k) * (1.0 + 1e-6)) });
+        // A prism's planes stand off its middle by one half width each, which is 1 in p.
+        let width = if self.perspective { 0.0 } else { 1.0 + 1e-6 };
+        beam.sides = Some(Sides { o, n, slack: n.map(|n| rounding * n.abs().element_sum() + width) });
         beam
     }
 }
@@ -167,8 +167,8 @@ pub fn beam<const N: usize>(family: &Family<f64, N>, t: [f64; 2]) -> Beam {
     let spread = |centre: dualux_dual::Vec3<f64>, by: &[dualux_dual::Vec3<f64>; N]| {
         let reach = by.iter().fold(DVec3::ZERO, |r, v| r + from_dual(*v).abs());
         let centre = from_dual(centre);
-        let (lo, hi) = ((centre - reach).as_vec3(), (centre + reach).as_vec3());
-        [lo.map(f32::next_down), hi.map(f32::next_up)]
+        let reach = reach + (centre.abs() + reach) * f64::from(f32::EPSILON);
+        [(centre - reach).as_vec3(), (centre + reach).as_vec3()]
     };
     Beam {
         o: spread(family.o, &family.o_p),
