@@ -206,7 +206,7 @@ fn layers_asked_for_twice_are_written_once_and_the_seed_of_the_file_is_noted() {
         assert!(out.status.success(), "{}", stderr(&out));
         let meta = exr::meta::MetaData::read_from_file(&exr, false).expect("EXR");
         let other = &meta.headers[0].own_attributes.other;
-        let attribute = other.iter().find(|(name, _)| name.eq("dualux:seed")).expect("seed").1;
+        let attribute = other.iter().find(|(name, _)| name.as_slice() == b"dualux:seed").expect("seed").1;
         format!("{attribute:?}")
     };
     assert!(seed_of(&[]).contains("42"), "{}", seed_of(&[]));

@@ -4,10 +4,8 @@ use super::Failure;
 use super::load::SceneArgs;
 use super::output::{edge_channels, write_map};
 use crate::edge::map::{Cell, area_lights};
+use crate::edge::score::{compare, emission_cost, emission_truth, light_cost, light_truth, pixel_cost, pixel_truth};
 use crate::edge::unrolled::Unrolled;
-use crate::edge::score::{
-    compare, emission_cost, emission_truth, light_cost, light_truth, pixel_cost, pixel_truth,
-};
 use crate::edge::{EdgeDetector, Kinds, Settings};
 use crate::image::Window;
 use crate::math::Vec3;

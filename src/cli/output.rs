@@ -2,9 +2,9 @@
 
 use super::Failure;
 use crate::edge::map::Cell;
-use crate::image::exr_file::{Attribute, ExrImage, Precision, write_exr};
+use crate::image::exr_file::{Attribute, ExrCompression, ExrImage, Precision, write_exr};
 use crate::image::film::Film;
-use crate::image::png_file::write_png;
+use crate::image::png_file::{write_codes, write_png};
 use crate::image::{ImageFileError, Window, atomic};
 use crate::math::Vec3;
 use crate::render::COARSE_BLOCK;
@@ -90,7 +90,7 @@ impl Output {
     /// Values in an EXR file.
     fn values(&self, pixels: usize) -> usize {
         let channels = |aov: &Aov| match aov {
-            Aov::Albedo | Aov::Normal | Aov::Variance => 3,
+            Aov::Albedo | Aov::Normal | Aov::Variance | Aov::Edges => 3,
             Aov::Depth | Aov::Shape | Aov::Samples => 1,
         };
         pixels * (3 + self.aovs.iter().map(channels).sum::<usize>())
@@ -203,4 +203,5 @@ pub fn write_map(
         }
         _ => return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into()),
     }
+    Ok(())
 }

@@ -4,7 +4,8 @@ use super::checks::idle_lamps;
 use super::load::{SceneArgs, crop_film, scale_film};
 use super::output::{Aov, Output};
 use super::progress::Reporter;
-use super::{Failure, options};
+use super::{Failure, options, print, tell};
+use crate::accel::Accel;
 use crate::edge::EdgeDetector;
 use crate::formats::Diagnostic;
 use crate::image::exr_file::Attribute;
@@ -121,11 +122,10 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     if let Some(window) = args.crop {
         crop_film(&mut description, window)?;
     }
-    let mut output = output(args, (description.film.width as usize, description.film.height as usize))?;
     let seed = args.seed.unwrap_or(description.seed);
     let frame = (description.film.width as usize, description.film.height as usize);
     // A name that cannot be written must not cost a render.
-    let output = output(args, frame, seed)?;
+    let mut output = output(args, frame, seed)?;
     let (scene, accel) = args.scene.build(description)?;
     let integrator = Path::new(World { scene: &scene, accel: &accel }, path_settings(args, &scene.integrator));
     if let Some((x, y, pass)) = args.replay {
@@ -138,7 +138,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     if output.aovs.contains(&Aov::Edges) {
         output.edges = EdgeDetector::new(&scene, &accel).pixel_map(window);
     }
-    let reference = read_reference(args, window)?;
+    let reference = read_reference(args, frame, window)?;
     let limit = args.time_limit.or_else(|| scene.integrator.timeout.map(Duration::from_secs_f64));
     let passes = args.passes.or(args.spp).or(match limit {
         None => Some(scene.sample_count.map_or(DEFAULT_PASSES, u64::from)),
@@ -173,7 +173,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     reporter.finish();
 
     output.write(&done.film, done.passes, start.elapsed(), start.elapsed())?;
-    let remarks = remarks(&scene, &integrator, &done);
+    let remarks = remarks(&scene, &accel, &integrator, &done);
     let (mean, standard_error) = done.film.mean_and_error();
     let total_seconds = start.elapsed().as_secs_f64();
     if let Some(path) = &args.stats_json {
@@ -221,7 +221,8 @@ fn output(args: &RenderArgs, frame: (usize, usize), seed: u64) -> Result<Output,
         ("dualux:command".to_string(), Attribute::Text(command.join(" "))),
         ("dualux:seed".to_string(), Attribute::Text(seed.to_string())),
     ];
-    let output = Output { paths, aovs: args.aov.clone(), exposure: args.exposure, frame, edges: Vec::new(), attributes };
+    let output =
+        Output { paths, aovs: args.aov.clone(), exposure: args.exposure, frame, edges: Vec::new(), attributes };
     output.check()?;
     Ok(output)
 }
