@@ -62,6 +62,7 @@ impl<'a> EdgeDetector<'a> {
         self.sight(view, exclude, true)
     }
 
+    #[inline(always)]
     fn gather<'b>(
         &'b self,
         view: &'b View,
@@ -70,14 +71,15 @@ impl<'a> EdgeDetector<'a> {
         ground: Option<[DVec3; 2]>,
     ) -> Gather<'b> {
         let Settings { test, order, busy } = self.settings;
-        let Self { scene, accel, passable, .. } = *self;
-        Gather { scene, accel, view, exclude, test, order, busy, passable, mode, ground }
+        let Self { scene, passable, .. } = *self;
+        Gather { scene, view, exclude, test, order, busy, passable, mode, ground }
     }
 
     fn sight(&self, view: &View, exclude: Option<Facet>, all: bool) -> Verdict {
-        let mut surfaces = None;
-        self.gather(view, Mode::Sight, [exclude, None], None).run(&view.beam(self.reach), &mut surfaces);
-        let Some(surfaces) = &surfaces else { return Verdict::Clear };
+        let beam = view.beam(self.reach);
+        let mut surfaces = self.gather(view, Mode::Sight, [exclude, None], None).start(beam.tmax);
+        self.accel.walk(&beam, &mut surfaces);
+        let surfaces = &surfaces;
         let found = self.look(view, surfaces, Mode::Sight, None, all).found;
         let found = Events { kinds: found.kinds | surfaces.trouble, ..found };
         if surfaces.trouble != Kinds::NONE {
@@ -112,10 +114,10 @@ impl<'a> EdgeDetector<'a> {
         if horizon.is_some_and(|h| range(&h).1 <= 0.0) {
             return LightVerdict::Blocked;
         }
-        let mut surfaces = None;
-        self.gather(view, Mode::Shadow, exclude, n.map(|n| [n, view.origin()]))
-            .run(&view.beam(self.reach), &mut surfaces);
-        let Some(surfaces) = &surfaces else { return LightVerdict::Visible };
+        let beam = view.beam(self.reach);
+        let mut surfaces = self.gather(view, Mode::Shadow, exclude, n.map(|n| [n, view.origin()])).start(beam.tmax);
+        self.accel.walk(&beam, &mut surfaces);
+        let surfaces = &surfaces;
         if surfaces.covered {
             return LightVerdict::Blocked;
         }

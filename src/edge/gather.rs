@@ -5,8 +5,7 @@ use super::detect::Mode;
 use super::kinds::Kinds;
 use super::polygon::Polygon;
 use super::view::{View, range};
-use crate::accel::Accel;
-use crate::accel::footprint::{Beam, Visitor};
+use crate::accel::footprint::Visitor;
 use crate::math::DVec3;
 use crate::scene::{Geometry, Scene};
 use arrayvec::ArrayVec;
@@ -53,8 +52,6 @@ pub struct Surfaces<'a> {
 pub struct Gather<'a> {
     /// Scene.
     pub scene: &'a Scene,
-    /// Accelerator.
-    pub accel: &'a Accel,
     /// Footprint.
     pub view: &'a View,
     /// Not to be counted.
@@ -75,10 +72,10 @@ pub struct Gather<'a> {
 }
 
 impl<'a> Gather<'a> {
-    /// Walks.
-    #[inline]
-    pub fn run(self, beam: &Beam, out: &mut Option<Surfaces<'a>>) {
-        let surfaces = out.insert(Surfaces {
+    /// Nothing found yet, for a walk with a beam that ends at `limit`. Inlined, so that the lists are made where they stay.
+    #[inline(always)]
+    pub fn start(self, limit: f32) -> Surfaces<'a> {
+        Surfaces {
             scene: self.scene,
             view: self.view,
             exclude: self.exclude,
@@ -89,17 +86,17 @@ impl<'a> Gather<'a> {
             ground: self.ground,
             busy: self.busy,
             covered: false,
-            limit: beam.tmax,
+            limit,
             polygons: ArrayVec::new(),
             curved: ArrayVec::new(),
             trouble: Kinds::NONE,
-        });
-        self.accel.walk(beam, surfaces);
+        }
     }
 }
 
 impl Surfaces<'_> {
-    fn polygon(&mut self, shape: u32, prim: u32, points: &[DVec3]) -> ControlFlow<()> {
+    #[inline(always)]
+    fn polygon<const N: usize>(&mut self, shape: u32, prim: u32, points: &[DVec3; N]) -> ControlFlow<()> {
         let Some(polygon) = Polygon::new(self.view, shape, prim, points) else {
             return ControlFlow::Continue(());
         };

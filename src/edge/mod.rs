@@ -1,4 +1,20 @@
-//! Edges in footprints.
+//! Edges in footprints: does anything visible change among the rays of a pixel, towards a light, in a cell of a light's emission?
+//!
+//! ```text
+//! family -> View (exact) ----> walk -> Surfaces -> Detection -> Verdict, LightVerdict
+//!        \-> dual rays -------> walk with widened rays -> predicted edges -> Verdict
+//! ```
+//!
+//! * [`view`]: a family as a projection; [`pixel`], [`light`], [`emission`]: the families
+//! * `gather`, `polygon`, `curved`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
+//! * [`detector`], `detect`, `swaps`: `any` and `all` queries; [`kinds`]: what they answer
+//! * [`predicted`], [`chain`]: origins that move: lenses, mirrors, glass
+//! * [`oracle`], [`score`]: brute force, and the detector held against it
+//! * [`mod@map`], [`unrolled`]: maps of pixels, of a light, of emission
+//!
+//! Source: DESIGN.md section 1, METHODS.md 3.B; Namae and Makino for the corner test. Exact to rounding for polygons and quadrics where the
+//! origin or the direction is fixed.
+//! Not handled: highlight borders, caustic folds, depth swaps with disks and cylinders.
 pub mod chain;
 pub mod chord;
 mod curved;
@@ -14,6 +30,7 @@ pub mod pixel;
 mod polygon;
 pub mod predicted;
 pub mod score;
+mod swaps;
 pub mod unrolled;
 pub mod view;
 

@@ -30,8 +30,8 @@ impl Polygon {
 
     /// `None` if it does not reach the footprint, is seen edge-on or lies outside of the rays' range.
     #[inline]
-    pub fn new(view: &View, shape: u32, prim: u32, points: &[DVec3]) -> Option<Self> {
-        let corners: ArrayVec<Point, 4> = points.iter().map(|p| view.project(*p)).collect();
+    pub fn new<const N: usize>(view: &View, shape: u32, prim: u32, points: &[DVec3; N]) -> Option<Self> {
+        let corners: [Point; N] = points.map(|p| view.project(p));
         // Separated by a side of the footprint?
         for axis in [1, 2] {
             if corners.iter().all(|c| c[axis] > c[0]) || corners.iter().all(|c| c[axis] < -c[0]) {
@@ -52,17 +52,13 @@ impl Polygon {
             return None;
         }
         let sign = det.signum();
-        let mut sides = ArrayVec::new();
-        let mut covers = true;
-        for k in 0..corners.len() {
-            let side = line(&corners[k], &corners[(k + 1) % corners.len()]).map(|x| x * sign);
-            let (lo, hi) = range(&side);
-            if hi < 0.0 {
-                return None;
-            }
-            covers &= lo >= 0.0;
-            sides.push(side);
+        let sides: [Affine; N] = std::array::from_fn(|k| line(&corners[k], &corners[(k + 1) % N]).map(|x| x * sign));
+        let ranges = sides.each_ref().map(range);
+        if ranges.iter().any(|(_, hi)| *hi < 0.0) {
+            return None;
         }
+        let covers = ranges.iter().all(|(lo, _)| *lo >= 0.0);
+        let (corners, sides) = (corners.into_iter().collect(), sides.into_iter().collect());
         Some(Polygon { shape, prim, corners, sides, key, covers })
     }
 
