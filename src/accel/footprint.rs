@@ -71,6 +71,7 @@ struct Slabs {
 }
 
 impl Slabs {
+    #[inline(always)]
     fn new(beam: &Beam) -> Option<Self> {
         let finite = beam.o.iter().chain(&beam.d).all(|v| v.is_finite());
         if !(finite && beam.tmin <= beam.tmax) {

@@ -15,6 +15,7 @@ pub enum PixelFamily {
 
 /// The rays through the film's rectangle around `centre` with half sizes `half`, in pixels of the full image. `None` where the
 /// camera sees it edge-on.
+#[inline(always)] // large values, returned where they are used
 pub fn family(camera: &Camera, centre: [f64; 2], half: [f64; 2]) -> Option<PixelFamily> {
     let p = camera.patch(centre, half);
     let [ofx, ofy] = p.o_film.map(to_dual);

@@ -29,7 +29,7 @@ impl Polygon {
     pub const RECTANGLE: u32 = u32::MAX;
 
     /// `None` if it does not reach the footprint, is seen edge-on or lies outside of the rays' range.
-    #[inline]
+    #[inline(always)]
     pub fn new<const N: usize>(view: &View, shape: u32, prim: u32, points: &[DVec3; N]) -> Option<Self> {
         let corners: [Point; N] = points.map(|p| view.project(p));
         // Separated by a side of the footprint?

@@ -68,7 +68,7 @@ pub fn line(a: &Point, b: &Point) -> Affine {
 
 impl View {
     /// `None` if the footprint has no area, or if neither its origin nor its direction is fixed.
-    #[inline]
+    #[inline(always)] // a large value, made where it stays
     pub fn new(family: Family<f64, 2>, t: [f64; 2]) -> Option<Self> {
         let perspective = family.has_fixed_origin();
         let d = from_dual(family.d);
@@ -144,6 +144,7 @@ impl View {
     }
 
     /// The beam that holds all rays. `reach`: largest coordinate of the scene, which sets what rounding is.
+    #[inline(always)]
     pub fn beam(&self, reach: f32) -> Beam {
         let mut beam = beam(&self.family, self.t);
         let o = self.o.as_vec3();
@@ -163,6 +164,7 @@ impl View {
 }
 
 /// The boxes of a family's origins and directions, rounded outwards.
+#[inline(always)]
 pub fn beam<const N: usize>(family: &Family<f64, N>, t: [f64; 2]) -> Beam {
     let spread = |centre: dualux_dual::Vec3<f64>, by: &[dualux_dual::Vec3<f64>; N]| {
         let reach = by.iter().fold(DVec3::ZERO, |r, v| r + from_dual(*v).abs());

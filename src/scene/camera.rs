@@ -157,6 +157,7 @@ impl Camera {
     }
 
     /// The rays through the rectangle of the film around `centre` with half sizes `half` (pixels of the full image).
+    #[inline(always)] // most of a large value is thrown away
     pub fn patch(&self, centre: [f64; 2], half: [f64; 2]) -> FilmPatch {
         let x = self.start[0] + self.step[0] * centre[0];
         let y = self.start[1] + self.step[1] * centre[1];
