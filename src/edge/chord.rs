@@ -68,7 +68,7 @@ pub fn clip(view: &View, a: &Point, b: &Point) -> Option<Chord> {
     if far.is_finite() {
         keep(far * a[0] - a[3], far * b[0] - b[3], &mut s);
     }
-    if !(s[0] <= s[1]) {
+    if s[0] > s[1] || s[0].is_nan() || s[1].is_nan() {
         return None;
     }
     let end = |s: f64| {
@@ -119,7 +119,7 @@ impl Gaps {
 
     /// Takes the interval away. (If there are too many pieces nothing is taken away, which errs towards "visible".)
     pub fn remove(&mut self, [a, b]: [f64; 2]) {
-        if !(a < b) {
+        if a >= b || a.is_nan() || b.is_nan() {
             return;
         }
         let mut left = ArrayVec::<[f64; 2], 16>::new();

@@ -42,7 +42,7 @@ impl Polygon {
         let (ab, bc, ca) = (line(a, b), line(b, c), line(c, a));
         let det = ab[0] * c[0] + ab[1] * c[1] + ab[2] * c[2];
         let size = (ab[0] * c[0]).abs() + (ab[1] * c[1]).abs() + (ab[2] * c[2]).abs();
-        if !(det.abs() > 1e-13 * size) {
+        if det.abs() <= 1e-13 * size || det.is_nan() {
             return None;
         }
         let inv = 1.0 / det;
