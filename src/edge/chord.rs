@@ -2,7 +2,7 @@
 //!
 //! In a [`View`]'s coordinates a straight edge stays straight, its key (depth) is affine along it, and a polygon in front of it, or
 //! across a light, takes one interval away: where all its sides and the difference of the keys are positive, each affine along the
-//! chord. The rest is exact to rounding; the edge counts if more than [`GAP`] is left.
+//! chord. The rest is exact to rounding; the edge counts if more than `GAP` is left.
 
 use super::view::{Affine, Point, View, at};
 use arrayvec::ArrayVec;

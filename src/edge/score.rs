@@ -1,7 +1,7 @@
 //! Recall, precision and cost of the detector against brute force.
 //!
 //! Intervals are Wilson's at 95 %. Cost: the time of `any` queries over that of plain rays (pixels: nearest hit through the centre;
-//! lights: one shadow ray to the centre), both timed in runs of [`RUN`] neighbouring footprints on one thread; the median of the runs.
+//! lights: one shadow ray to the centre), both timed in runs of `RUN` neighbouring footprints on one thread; the median of the runs.
 
 use super::light::Receiver;
 use super::map::Cell;

@@ -235,7 +235,7 @@ fn nothing_fires_inside_a_smooth_mesh_a_sphere_or_a_wall() {
     let mut rng = Rng(5, 0);
     let mut inside = 0;
     for _ in 0..2000 {
-        let a = rng.range(0.0, 6.28);
+        let a = rng.range(0.0, std::f64::consts::TAU);
         let targets = [
             DVec3::new(a.cos(), a.sin(), 0.4),
             DVec3::new(4.0 + 0.3 * a.cos(), 0.3 * a.sin(), 0.7),
