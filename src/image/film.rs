@@ -3,6 +3,7 @@
 //! Mean      I = sum_i w_i L_i / n, w_i the signed filter weight of mean 1 (filter importance sampling)
 //! Variance  of the mean, per channel: (sum x_i^2 / n - I^2) / (n - 1), x_i = w_i L_i. The samples of one pixel are
 //!           stratified over the passes, so this is an upper estimate of the true error of the mean.
+//! Samples that are not finite are left out and counted elsewhere: the mean is then that of the others.
 //! Sums are f64 and are added in the order of the passes, so that the picture does not depend on threads.
 
 use crate::math::{Rgb, Vec3};

@@ -7,9 +7,9 @@
 //!             light samples cross them: as Mitsuba's `volpath`, whereas its `path` counts them and lets them block
 //! Roulette    from depth `rr_depth`: the path survives with min(0.95, max channel of throughput x eta^2)
 //! Source      Kajiya 1986; Veach 1997, chapters 9 (MIS) and 10.2 (roulette)
-//! Bias        none
+//! Bias        none but for shadow rays that end 1e-4 of the distance short of the lamp: what blocks closer is not seen
 //! Not handled participating media; light through smooth glass is found by chance only (`remarks` says how much of it there is)
-//! Verified by tests/furnace.rs and tests/transport.rs (closed forms), tests/golden.rs (converged renders)
+//! Verified by tests/furnace.rs and tests/transport.rs (closed forms), tests/references.rs (converged references of another renderer)
 
 use super::{Counts, Integrator, World};
 use crate::accel::{Hit, Ray};
@@ -246,7 +246,7 @@ impl Integrator for Path<'_> {
         let share = counts.blocked_by_specular as f64 / counts.probed_shadow_rays.max(1) as f64;
         if share > 0.01 {
             out.push(format!(
-                "{:.0} % of the shadow rays end on smooth glass, water or metal: light that crosses it is found by \
+                "{:.0} % of the shadow rays end on smooth glass, water or metal: light by way of it is found by \
                  chance only, so caustics converge slowly or are missing; a photon integrator is the tool for them",
                 100.0 * share
             ));
