@@ -56,11 +56,11 @@ pub struct Output {
 }
 
 /// Upper estimates of what writing takes, seconds: an EXR file without compression, per value (pixel of a channel) ...
-const EXR_SECONDS: f64 = 4e-8;
+const EXR_SECONDS: f64 = 3e-8;
 /// ... what ZIP adds to that ...
 const ZIP_SECONDS: f64 = 2.5e-7;
 /// ... and a PNG file, per pixel.
-const PNG_SECONDS: f64 = 2e-7;
+const PNG_SECONDS: f64 = 1.3e-7;
 /// Share of the time spent rendering that compression may add. Noise hardly shrinks: short renders do without.
 const ZIP_SHARE: f64 = 0.01;
 
