@@ -1,13 +1,13 @@
 //! `dualux edges`: the map of predicted edges.
 
-use super::Failure;
 use super::load::SceneArgs;
-use super::output::{edge_channels, write_map};
+use super::output::{check_name, edge_channels, write_map};
+use super::{Failure, print, tell};
 use crate::edge::map::{Cell, area_lights};
 use crate::edge::score::{compare, emission_cost, emission_truth, light_cost, light_truth, pixel_cost, pixel_truth};
 use crate::edge::unrolled::Unrolled;
 use crate::edge::{EdgeDetector, Kinds, Settings};
-use crate::image::Window;
+use crate::image::{Window, atomic};
 use crate::math::Vec3;
 use dualux_dual::{Neighbours, Test};
 use std::path::PathBuf;
@@ -86,8 +86,10 @@ impl From<TestChoice> for Test {
 
 /// Runs the command.
 pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
+    args.output.iter().try_for_each(|path| check_name(path))?;
+    args.json.as_deref().map_or(Ok(()), atomic::check)?;
     let loaded = args.scene.read()?;
-    loaded.warnings.iter().for_each(|w| eprintln!("{w}"));
+    loaded.warnings.iter().for_each(tell);
     let (scene, accel) = args.scene.build(loaded.description)?;
     let settings = Settings { test: args.test.into(), order: usize::from(args.order), ..Settings::default() };
     let detector = EdgeDetector::with_settings(&scene, &accel, settings);
@@ -120,8 +122,7 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
         write_map(path, window, frame, &colours, &channels)?;
     }
     let events = map.iter().filter(|c| c.event).count();
-    println!("{events} of {} footprints have an edge", map.len());
-    Ok(())
+    print(format!("{events} of {} footprints have an edge\n", map.len()))
 }
 
 /// Which footprints.
@@ -177,9 +178,9 @@ fn score(
 ) -> Result<(), Failure> {
     let truth = question.truth(detector, window, n);
     let mut scores = Vec::new();
-    println!(
-        "family     test     order  footprints    edges  recall                  precision               cost  ns"
-    );
+    print(
+        "family     test     order  footprints    edges  recall                  precision               cost  ns\n",
+    )?;
     for test in [TestChoice::Bounds, TestChoice::Corners] {
         let settings = Settings { test: test.into(), ..detector.settings };
         let detector = EdgeDetector::with_settings(detector.scene, detector.accel, settings);
@@ -188,8 +189,8 @@ fn score(
         let mut s = compare(question.family(), name, settings.order, &map, &truth, n);
         (s.cost_ratio, s.query_ns) = question.cost(&detector, window);
         let interval = |p: f64, [a, b]: [f64; 2]| format!("{p:.4} [{a:.4}, {b:.4}]");
-        println!(
-            "{:<10} {:<8} {:>5} {:>11} {:>8}  {}  {}  {:>4.2}  {:.0}",
+        print(format!(
+            "{:<10} {:<8} {:>5} {:>11} {:>8}  {}  {}  {:>4.2}  {:.0}\n",
             s.family,
             s.test,
             s.order,
@@ -199,13 +200,13 @@ fn score(
             interval(s.precision, s.precision_interval),
             s.cost_ratio,
             s.query_ns
-        );
+        ))?;
         scores.push(s);
     }
-    println!("(cost: query over one plain ray; brute force takes {} rays per footprint)", n * n);
+    print(format!("(cost: query over one plain ray; brute force takes {} rays per footprint)\n", n * n))?;
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&scores)?;
-        std::fs::write(path, text + "\n").map_err(|e| format!("{}: {e}", path.display()))?;
+        atomic::write_file(path, (text + "\n").as_bytes())?;
     }
     Ok(())
 }

@@ -65,17 +65,6 @@ const PNG_SECONDS: f64 = 1.3e-7;
 const ZIP_SHARE: f64 = 0.01;
 
 impl Output {
-    /// Checks that every name says a kind that can be written, in a folder that can be written to.
-    pub fn check(&self) -> Result<(), Failure> {
-        for path in &self.paths {
-            if !matches!(extension(path).as_str(), "exr" | "png") {
-                return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into());
-            }
-            atomic::check(path)?;
-        }
-        Ok(())
-    }
-
     /// Upper estimate of the time that [`Self::write`] takes at the end of a render of length `spent`.
     pub fn write_time(&self, pixels: usize, spent: Duration) -> Duration {
         let exr = self.values(pixels) as f64 * EXR_SECONDS
@@ -160,6 +149,14 @@ impl Output {
     }
 }
 
+/// Checks that a name says a kind that can be written, in a folder that can be written to: before the work, not after.
+pub fn check_name(path: &Path) -> Result<(), Failure> {
+    if !matches!(extension(path).as_str(), "exr" | "png") {
+        return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into());
+    }
+    Ok(atomic::check(path)?)
+}
+
 fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
@@ -180,7 +177,7 @@ pub fn edge_channels(map: &[Cell]) -> [(&'static str, Vec<f32>); 3] {
     ]
 }
 
-/// Writes a map of footprints: `codes` (sRGB, 0..1) as PNG, or the channels as EXR.
+/// Writes a map of footprints, its name checked before: `codes` (sRGB, 0..1) as PNG, or the channels as EXR.
 pub fn write_map(
     path: &Path,
     window: Window,
@@ -188,20 +185,39 @@ pub fn write_map(
     codes: &[Vec3],
     channels: &[(&str, Vec<f32>)],
 ) -> Result<(), Failure> {
-    match extension(path).as_str() {
-        "png" => {
-            let bytes: Vec<u8> =
-                codes.iter().flat_map(|c| c.to_array()).map(|x| (x * 255.0).round().clamp(0.0, 255.0) as u8).collect();
-            write_codes(path, window.width, window.height, &bytes)?;
-        }
-        "exr" => {
-            let mut image = ExrImage::new(window, frame);
-            for (name, values) in channels {
-                image.add_channel("", name, Precision::Float, values.clone());
-            }
-            write_exr(path, &image)?;
-        }
-        _ => return Err(format!("{}: the output's name must end in .exr or .png", path.display()).into()),
+    if extension(path) == "png" {
+        let byte = |x: f32| (x * 255.0).round().clamp(0.0, 255.0) as u8;
+        let bytes: Vec<u8> = codes.iter().flat_map(|c| c.to_array()).map(byte).collect();
+        return Ok(write_codes(path, window.width, window.height, &bytes)?);
     }
-    Ok(())
+    let mut image = ExrImage::new(window, frame);
+    for (name, values) in channels {
+        image.add_channel("", name, Precision::Float, values.clone());
+    }
+    Ok(write_exr(path, &image)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_renders_are_not_compressed_and_long_ones_are() {
+        let output = |aovs| Output {
+            paths: vec!["a.exr".into(), "b.PNG".into()],
+            aovs,
+            exposure: 0.0,
+            frame: (512, 512),
+            edges: Vec::new(),
+            attributes: Vec::new(),
+        };
+        let (plain, layered) = (output(vec![]), output(vec![Aov::Albedo, Aov::Depth]));
+        let seconds = Duration::from_secs;
+        assert_eq!(plain.compression(512 * 512, seconds(1)), ExrCompression::None);
+        assert_eq!(plain.compression(512 * 512, seconds(60)), ExrCompression::Zip);
+        assert_eq!(layered.values(100), 700);
+        // What is kept back stays a small share of any limit that leaves time to render at all.
+        assert!(plain.write_time(512 * 512, seconds(1)) < Duration::from_millis(100));
+        assert!(layered.write_time(512 * 512, seconds(60)) < Duration::from_millis(1000));
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::checks::idle_lamps;
 use super::load::{SceneArgs, crop_film, scale_film};
-use super::output::{Aov, Output};
+use super::output::{Aov, Output, check_name};
 use super::progress::Reporter;
 use super::{Failure, options, print, tell};
 use crate::accel::Accel;
@@ -139,7 +139,8 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
         output.edges = EdgeDetector::new(&scene, &accel).pixel_map(window);
     }
     let reference = read_reference(args, frame, window)?;
-    let limit = args.time_limit.or_else(|| scene.integrator.timeout.map(Duration::from_secs_f64));
+    let timeout = || scene.integrator.timeout.and_then(|t| Duration::try_from_secs_f64(t).ok());
+    let limit = args.time_limit.or_else(timeout).filter(|l| *l <= options::LONGEST);
     let passes = args.passes.or(args.spp).or(match limit {
         None => Some(scene.sample_count.map_or(DEFAULT_PASSES, u64::from)),
         Some(_) => None,
@@ -221,9 +222,18 @@ fn output(args: &RenderArgs, frame: (usize, usize), seed: u64) -> Result<Output,
         ("dualux:command".to_string(), Attribute::Text(command.join(" "))),
         ("dualux:seed".to_string(), Attribute::Text(seed.to_string())),
     ];
-    let output =
-        Output { paths, aovs: args.aov.clone(), exposure: args.exposure, frame, edges: Vec::new(), attributes };
-    output.check()?;
+    let mut aovs = Vec::new();
+    for aov in &args.aov {
+        // A layer that is asked for twice is written once.
+        if !aovs.contains(aov) {
+            aovs.push(*aov);
+        }
+    }
+    let output = Output { paths, aovs, exposure: args.exposure, frame, edges: Vec::new(), attributes };
+    if args.replay.is_none() {
+        output.paths.iter().try_for_each(|path| check_name(path))?;
+        args.stats_json.as_deref().map_or(Ok(()), atomic::check)?;
+    }
     Ok(output)
 }
 
