@@ -70,7 +70,11 @@ fn a_furnace_lit_from_infinity_shows_one_through_any_lossless_surface() {
         specular_reflectance: white.clone(),
         specular_transmittance: white.clone(),
     };
-    let mirror = Material::Conductor { eta: Rgb::ZERO, k: Rgb::ONE, specular_reflectance: white.clone() };
+    let mirror = Material::Conductor {
+        eta: Color::Constant(Rgb::ZERO),
+        k: Color::Constant(Rgb::ONE),
+        specular_reflectance: white.clone(),
+    };
     let chalk = Material::Diffuse { reflectance: white };
     for m in [glass, pane, mirror, chalk, Material::Null] {
         let mut scene = empty_scene(DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO, 12, 12);

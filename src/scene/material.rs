@@ -2,7 +2,6 @@
 
 use super::description::{MaterialId, TextureId};
 use super::texture::{Color, Scalar};
-use crate::math::Rgb;
 
 /// Microfacet distribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,9 +33,9 @@ pub enum Material {
     /// Oren-Nayar (qualitative model) on the normal side.
     RoughDiffuse { reflectance: Color, alpha: Scalar },
     /// Smooth metal on the normal side; `eta` 0 and `k` 1 is a perfect mirror.
-    Conductor { eta: Rgb, k: Rgb, specular_reflectance: Color },
+    Conductor { eta: Color, k: Color, specular_reflectance: Color },
     /// Rough metal on the normal side.
-    RoughConductor { eta: Rgb, k: Rgb, specular_reflectance: Color, roughness: Roughness },
+    RoughConductor { eta: Color, k: Color, specular_reflectance: Color, roughness: Roughness },
     /// Smooth boundary between two media.
     Dielectric { eta: f32, specular_reflectance: Color, specular_transmittance: Color },
     /// Two parallel boundaries without bending (a pane).

@@ -9,7 +9,7 @@ use super::legacy_bsdf;
 use super::optics;
 use super::props::Props;
 use super::report::{Checked, Loc};
-use super::texture::{color, constant, scalar};
+use super::texture::{color, scalar};
 use super::tree::ObjectId;
 use crate::formats::diagnostics::suggestion;
 use crate::formats::spectrum::{Usage, to_rgb};
@@ -148,23 +148,34 @@ fn conductor(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {
         if let Some(name) = missing {
             return Err(props.error("", format!("{} with eta or k needs \"{name}\" as well", props.title())));
         }
-        let eta = constant(b, props, "eta", 0.0, Usage::Constant)?;
-        (eta, constant(b, props, "k", 1.0, Usage::Constant)?)
+        let eta = color(b, props, "eta", 0.0, Usage::Constant)?;
+        (eta, color(b, props, "k", 1.0, Usage::Constant)?)
     } else {
         let legacy = props.object.legacy && !props.has("material");
         if legacy {
             b.report.warn(props.object.kind_loc, "no material is given; version 0.x means copper (Cu)");
         }
         let (eta, k) = optics::metal(props, if legacy { "Cu" } else { "none" })?;
-        (to_rgb(eta), to_rgb(k))
+        (Color::Constant(to_rgb(eta)), Color::Constant(to_rgb(k)))
     };
     let outside = if props.has("ext_eta") { optics::index(props, "ext_eta", "air")? as f32 } else { 1.0 };
-    let (eta, k) = (eta / outside, k / outside);
+    let (eta, k) = (divided(b, eta, outside), divided(b, k, outside));
     let specular_reflectance = reflectance(b, props, "specular_reflectance", 1.0)?;
     Ok(match kind {
         "roughconductor" => Material::RoughConductor { eta, k, specular_reflectance, roughness: roughness(b, props)? },
         _ => Material::Conductor { eta, k, specular_reflectance },
     })
+}
+
+/// A colour over a number.
+fn divided(b: &mut Builder, color: Color, by: f32) -> Color {
+    match color {
+        Color::Constant(c) => Color::Constant(c / by),
+        Color::Texture(_) if by == 1.0 => color,
+        Color::Texture(texture) => {
+            Color::Texture(b.add_texture(Texture::Scale { texture, factor: Rgb::splat(1.0 / by) }))
+        }
+    }
 }
 
 fn plastic(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {

@@ -90,8 +90,12 @@ pub fn glossy(b: &mut Builder, props: &Props, kind: &str) -> Checked<Material> {
     let specular_reflectance = scaled(b, specular, weight);
     let first = b.add_material(Material::Diffuse { reflectance });
     let roughness = Roughness { distribution: Distribution::Beckmann, alpha_u, alpha_v };
-    let second =
-        b.add_material(Material::RoughConductor { eta: Rgb::ZERO, k: Rgb::ONE, specular_reflectance, roughness });
+    let second = b.add_material(Material::RoughConductor {
+        eta: Color::Constant(Rgb::ZERO),
+        k: Color::Constant(Rgb::ONE),
+        specular_reflectance,
+        roughness,
+    });
     Ok(Material::Blend { weight: Scalar::Constant(weight), first, second, absorbed: 0.0 })
 }
 

@@ -102,10 +102,10 @@ impl View<'_> {
                 Lobe::OrenNayar(OrenNayar::new(self.color(reflectance), self.textures.scalar(alpha, self.at.uv)))
             }
             Material::Conductor { eta, k, specular_reflectance } => {
-                Lobe::Metal(self.metal(*eta, *k, specular_reflectance))
+                Lobe::Metal(self.metal(eta, k, specular_reflectance))
             }
             Material::RoughConductor { eta, k, specular_reflectance, roughness } => Lobe::RoughMetal(RoughMetal {
-                metal: self.metal(*eta, *k, specular_reflectance),
+                metal: self.metal(eta, k, specular_reflectance),
                 micro: self.micro(roughness),
             }),
             Material::Dielectric { eta, specular_reflectance, specular_transmittance } => {
@@ -180,9 +180,9 @@ impl View<'_> {
         valid_color(self.textures.color(color, self.at.uv))
     }
 
-    fn metal(&self, eta: Rgb, k: Rgb, tint: &Color) -> Metal {
-        let tint = self.color(tint);
-        Metal { eta: valid_color(eta), k: valid_color(k), tint }
+    fn metal(&self, eta: &Color, k: &Color, tint: &Color) -> Metal {
+        let index = |c: &Color| valid_color(self.textures.color(c, self.at.uv));
+        Metal { eta: index(eta), k: index(k), tint: self.color(tint) }
     }
 
     fn boundary(&self, eta: f32, reflectance: &Color, transmittance: &Color) -> Boundary {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::math::filter::PixelFilter;
 use crate::math::{DMat4, DVec3, Rgb};
+use crate::scene::Color;
 use crate::scene::description::Projection;
 use crate::scene::material::Distribution;
 use crate::scene::texture::Scalar;
@@ -151,13 +152,19 @@ fn dielectric_names_and_sides() {
 #[test]
 fn conductors() {
     let Material::Conductor { eta, k, .. } = material("<bsdf type=\"conductor\"/>") else { panic!() };
-    assert_eq!((eta, k), (Rgb::ZERO, Rgb::ONE));
+    assert_eq!((eta, k), (Color::Constant(Rgb::ZERO), Color::Constant(Rgb::ONE)));
     let Material::RoughConductor { eta, roughness, .. } = material(
         "<bsdf type=\"roughconductor\"><string name=\"material\" value=\"Au\"/><float name=\"alpha_u\" value=\"0.2\"/><float name=\"alpha_v\" value=\"0.3\"/></bsdf>",
     ) else {
         panic!()
     };
-    assert_eq!(eta, Rgb::new(0.1430, 0.3753, 1.4420));
+    assert_eq!(eta, Color::Constant(Rgb::new(0.1430, 0.3753, 1.4420)));
+    let Material::Conductor { eta, k, .. } = material(
+        "<bsdf type=\"conductor\"><texture type=\"checkerboard\" name=\"eta\"/><rgb name=\"k\" value=\"2\"/></bsdf>",
+    ) else {
+        panic!()
+    };
+    assert_eq!((eta, k), (Color::Texture(0), Color::Constant(Rgb::splat(2.0))));
     assert_eq!(
         (roughness.distribution, roughness.alpha_u, roughness.alpha_v),
         (Distribution::Beckmann, Scalar::Constant(0.2), Scalar::Constant(0.3))

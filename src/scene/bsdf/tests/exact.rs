@@ -164,7 +164,11 @@ fn nesting_keeps_the_weights() {
 
 #[test]
 fn lobes_are_classified() {
-    let smooth = Material::Conductor { eta: Rgb::ZERO, k: Rgb::ONE, specular_reflectance: grey(1.0) };
+    let smooth = Material::Conductor {
+        eta: Color::Constant(Rgb::ZERO),
+        k: Color::Constant(Rgb::ONE),
+        specular_reflectance: grey(1.0),
+    };
     let wo = Vec3::new(0.3, 0.2, 0.9).normalize();
     let of = |m: Material| {
         let b = resolve(&[m], &flat(), wo);

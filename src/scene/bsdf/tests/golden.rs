@@ -106,7 +106,8 @@ fn maps_of_normals_agree() {
 /// (wo, wi, value = weight times probability, eta) of the first and the last sample.
 #[test]
 fn dirac_samples_agree() {
-    let metal = Material::Conductor { eta: ETA, k: K, specular_reflectance: grey(1.0) };
+    let metal =
+        Material::Conductor { eta: Color::Constant(ETA), k: Color::Constant(K), specular_reflectance: grey(1.0) };
     let glass = Material::Dielectric { eta: 1.5, specular_reflectance: grey(0.9), specular_transmittance: grey(0.7) };
     let pane =
         Material::ThinDielectric { eta: 1.5, specular_reflectance: grey(1.0), specular_transmittance: grey(1.0) };

@@ -28,7 +28,12 @@ fn rough(distribution: Distribution, alpha_u: f32, alpha_v: f32) -> Roughness {
 }
 
 fn metal(roughness: Roughness) -> Material {
-    Material::RoughConductor { eta: ETA, k: K, specular_reflectance: grey(1.0), roughness }
+    Material::RoughConductor {
+        eta: Color::Constant(ETA),
+        k: Color::Constant(K),
+        specular_reflectance: grey(1.0),
+        roughness,
+    }
 }
 
 fn glass(eta: f32, roughness: Roughness) -> Material {
@@ -92,7 +97,8 @@ fn blend(weight: f32) -> Material {
 }
 
 fn cases() -> Vec<Case> {
-    let mirror = Material::Conductor { eta: ETA, k: K, specular_reflectance: grey(1.0) };
+    let mirror =
+        Material::Conductor { eta: Color::Constant(ETA), k: Color::Constant(K), specular_reflectance: grey(1.0) };
     let oren_nayar = Material::RoughDiffuse { reflectance: grey(0.7), alpha: Scalar::Constant(0.5) };
     let tinted = Material::RoughDielectric {
         eta: 1.5,
