@@ -12,6 +12,7 @@
 
 use super::Accel;
 use super::layout::{Child, Node8, Tree, Tri4};
+use super::traverse::sort_descending;
 use crate::math::Vec3;
 use arrayvec::ArrayVec;
 use std::ops::ControlFlow;
@@ -229,19 +230,5 @@ pub(super) fn walk(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
                 }
             }
         }
-    }
-}
-
-/// Sorts a few entries so that the nearest is popped first.
-#[inline(always)]
-fn sort_descending(entries: &mut [u64]) {
-    for i in 1..entries.len() {
-        let moved = entries[i];
-        let mut j = i;
-        while j > 0 && entries[j - 1] < moved {
-            entries[j] = entries[j - 1];
-            j -= 1;
-        }
-        entries[j] = moved;
     }
 }

@@ -243,7 +243,7 @@ fn closest_with<K: Kernel, const N: usize>(tree: View, ray: &Ray, query: &mut Qu
 
 /// Sorts a few entries so that the nearest is popped first.
 #[inline(always)]
-fn sort_descending(entries: &mut [u64]) {
+pub(super) fn sort_descending(entries: &mut [u64]) {
     for i in 1..entries.len() {
         let moved = entries[i];
         let mut j = i;

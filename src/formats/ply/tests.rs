@@ -1,3 +1,5 @@
+//! PLY files in every flavour, and damaged ones.
+
 use super::super::mesh_file::mutate::mutate;
 use super::*;
 

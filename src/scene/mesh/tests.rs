@@ -1,3 +1,5 @@
+//! Meshes: adjacency against brute force, normals, transforms.
+
 use super::*;
 use crate::math::sampler::{hash, unit_f32};
 use EdgeClass::{Always, Never, Silhouette};
