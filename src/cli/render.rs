@@ -5,7 +5,6 @@ use super::load::{SceneArgs, crop_film, scale_film};
 use super::output::{Aov, Output, check_name};
 use super::progress::Reporter;
 use super::{Failure, options, print, tell};
-use crate::accel::Accel;
 use crate::edge::EdgeDetector;
 use crate::formats::Diagnostic;
 use crate::image::exr_file::Attribute;
@@ -165,6 +164,8 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
         ));
     }
 
+    idle_lamps(&scene, &accel).iter().for_each(|w| tell(format_args!("warning: {w}")));
+
     let stop = stop_on_signals()?;
     let tiles = passes.map_or(0, |n| n.saturating_mul(tiles_per_pass(window)));
     let mut reporter = Reporter::new(start, tiles, args.quiet, &output);
@@ -174,7 +175,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     reporter.finish();
 
     output.write(&done.film, done.passes, start.elapsed(), start.elapsed())?;
-    let remarks = remarks(&scene, &accel, &integrator, &done);
+    let remarks = remarks(&scene, &integrator, &done);
     let (mean, standard_error) = done.film.mean_and_error();
     let total_seconds = start.elapsed().as_secs_f64();
     if let Some(path) = &args.stats_json {
@@ -289,9 +290,8 @@ fn print_warnings(warnings: &[Diagnostic]) {
 }
 
 /// What the user should know after the run.
-fn remarks(scene: &Scene, accel: &Accel, integrator: &dyn Integrator, done: &Progress) -> Vec<String> {
+fn remarks(scene: &Scene, integrator: &dyn Integrator, done: &Progress) -> Vec<String> {
     let mut out = integrator.remarks(&done.counts);
-    out.extend(idle_lamps(scene, accel));
     if scene.shapes.is_empty() {
         out.push("the scene has no surface".into());
     }
