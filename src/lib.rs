@@ -8,8 +8,9 @@
 //! 3. [`scene`], [`formats`]: what a scene is, and the files that describe one
 //! 4. [`accel`]: ray queries over a scene
 //! 5. [`edge`]: which edges a footprint of rays sees
-//! 6. [`integrators`]: light transport
-//! 7. [`render`], [`cli`]: the main loop and the command line
+//! 6. [`transport`]: what light transport is made of
+//! 7. [`integrators`]: light transport algorithms
+//! 8. [`render`], [`cli`]: the main loop and the command line
 
 #![warn(missing_docs)]
 
@@ -22,3 +23,4 @@ pub mod integrators;
 pub mod math;
 pub mod render;
 pub mod scene;
+pub mod transport;

@@ -1,6 +1,7 @@
 //! The main loop: passes over tiles until enough samples are taken, time is up, or someone says stop.
 //!
-//! Pass i takes one sample in every pixel, a pure function of (scene, settings, i). The unit of work is (pass, tile);
+//! Pass i takes one sample in every pixel, or as many as the integrator wants there, a pure function of (scene, settings,
+//! i) and of what the integrator prepared before it. The unit of work is (pass, tile);
 //! tiles run in any order on any thread, but one tile's passes run in order, so that every sum is formed in one order and
 //! the picture has the same bits for any number of threads. The first pass visits one pixel of every 8 x 8 block before
 //! all others: however slow the scene, there is a coarse picture early.
@@ -41,8 +42,8 @@ pub struct InvalidSample {
     pub x: u32,
     /// Row in the full image.
     pub y: u32,
-    /// Pass.
-    pub pass: u64,
+    /// Index among the samples of the pixel.
+    pub index: u64,
 }
 
 /// State of a render between passes.
@@ -78,6 +79,8 @@ const KEPT_INVALID: usize = 16;
 
 struct Tile {
     film: Film,
+    /// Passes completed.
+    passes: u64,
     counts: Counts,
     invalid: Vec<InvalidSample>,
 }
@@ -85,16 +88,16 @@ struct Tile {
 /// Everything that the samples of a pass depend on.
 struct Job<'a> {
     scene: &'a Scene,
-    integrator: &'a dyn Integrator,
-    filter: FilterSampler,
+    integrator: &'a (dyn Integrator + 'a),
+    filter: &'a FilterSampler,
     seed: u64,
 }
 
 impl Job<'_> {
-    /// Takes sample `pass` of the pixel (x, y) of the full image.
-    fn sample(&self, x: u32, y: u32, pass: u64, counts: &mut Counts) -> FilmSample {
+    /// Takes sample `index` of the pixel (x, y) of the full image, which belongs to `pass`.
+    fn sample(&self, x: u32, y: u32, pass: u64, index: u64, counts: &mut Counts) -> FilmSample {
         let stream = (u64::from(y) << 32) | u64::from(x);
-        let mut rng = Sampler::new(self.seed, stream, pass);
+        let mut rng = Sampler::new(self.seed, stream, index);
         let (offset, weight) = self.filter.sample(rng.next_2d());
         let lens = if self.scene.camera.has_lens() { rng.next_2d() } else { Vec2::ZERO };
         let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + offset;
@@ -104,7 +107,7 @@ impl Job<'_> {
         FilmSample { radiance, weight, features }
     }
 
-    /// Takes one sample in those pixels of the tile that `wanted` names by their place in the window.
+    /// Takes the samples of a pass in those pixels of the tile that `wanted` names by their place in the window.
     fn run(&self, tile: &mut Tile, window: [u32; 4], pass: u64, wanted: impl Fn(u32, u32) -> bool) {
         for y in 0..tile.film.height {
             for x in 0..tile.film.width {
@@ -112,13 +115,16 @@ impl Job<'_> {
                 if !wanted(px - window[0], py - window[1]) {
                     continue;
                 }
-                let sample = self.sample(px, py, pass, &mut tile.counts);
-                if sample.radiance.is_finite() {
-                    tile.film.add(x, y, &sample);
-                } else {
+                let samples = u64::from(self.integrator.samples_per_pass(px, py));
+                for index in pass * samples..(pass + 1) * samples {
+                    let sample = self.sample(px, py, pass, index, &mut tile.counts);
+                    if sample.radiance.is_finite() {
+                        tile.film.add(x, y, &sample);
+                        continue;
+                    }
                     tile.counts.invalid += 1;
                     if tile.invalid.len() < KEPT_INVALID {
-                        tile.invalid.push(InvalidSample { x: px, y: py, pass });
+                        tile.invalid.push(InvalidSample { x: px, y: py, index });
                     }
                 }
             }
@@ -127,9 +133,12 @@ impl Job<'_> {
 }
 
 /// One sample again, as the render takes it: (radiance, filter weight). For samples that were not finite.
-pub fn replay(scene: &Scene, integrator: &dyn Integrator, seed: u64, at: InvalidSample) -> FilmSample {
-    let job = Job { scene, integrator, filter: FilterSampler::new(scene.film.filter), seed };
-    job.sample(at.x, at.y, at.pass, &mut Counts::default())
+pub fn replay(scene: &Scene, integrator: &mut dyn Integrator, seed: u64, at: InvalidSample) -> FilmSample {
+    let pass = at.index / u64::from(integrator.samples_per_pass(at.x, at.y));
+    (0..=pass).for_each(|p| integrator.prepare(p, &|| false));
+    let filter = FilterSampler::new(scene.film.filter);
+    let job = Job { scene, integrator, filter: &filter, seed };
+    job.sample(at.x, at.y, pass, at.index, &mut Counts::default())
 }
 
 /// Number of tiles of a pass over `window`.
@@ -140,20 +149,24 @@ pub fn tiles_per_pass(window: [u32; 4]) -> u64 {
 /// Renders until the settings, `stop` or the deadline end it.
 pub fn render(
     scene: &Scene,
-    integrator: &dyn Integrator,
+    integrator: &mut dyn Integrator,
     settings: &RenderSettings,
     stop: &AtomicBool,
     observer: &mut dyn Observer,
 ) -> Progress {
     let window = settings.window;
-    let job = Job { scene, integrator, filter: FilterSampler::new(scene.film.filter), seed: settings.seed };
+    let filter = FilterSampler::new(scene.film.filter);
     let mut tiles = make_tiles(window, settings.features);
     let over = || stop.load(Ordering::Relaxed) || settings.deadline.is_some_and(|d| Instant::now() >= d);
     let coarse = |x: u32, y: u32| x.is_multiple_of(COARSE_BLOCK) && y.is_multiple_of(COARSE_BLOCK);
 
-    tiles.par_iter_mut().for_each(|tile| job.run(tile, window, 0, coarse));
     let mut passes = 0;
-    while settings.passes.is_none_or(|n| passes < n) && !over() {
+    while settings.passes.is_none_or(|n| passes < n) && (passes == 0 || !over()) {
+        integrator.prepare(passes, &over);
+        let job = Job { scene, integrator: &*integrator, filter: &filter, seed: settings.seed };
+        if passes == 0 {
+            tiles.par_iter_mut().for_each(|tile| job.run(tile, window, 0, coarse));
+        }
         let watcher: &dyn Observer = observer;
         tiles.par_iter_mut().for_each(|tile| {
             if over() {
@@ -163,9 +176,10 @@ pub fn render(
                 0 => job.run(tile, window, 0, |x, y| !coarse(x, y)),
                 _ => job.run(tile, window, passes, |_, _| true),
             }
+            tile.passes += 1;
             watcher.tile_done();
         });
-        if over() && tiles.iter().any(|t| t.counts.samples < (passes + 1) * u64::from(t.film.width * t.film.height)) {
+        if tiles.iter().any(|t| t.passes <= passes) {
             break;
         }
         passes += 1;
@@ -181,6 +195,7 @@ fn make_tiles([x0, y0, width, height]: [u32; 4], features: bool) -> Vec<Tile> {
         .flat_map(|y| starts(width).map(move |x| (x, y)))
         .map(|(x, y)| Tile {
             film: Film::new([x0 + x, y0 + y, TILE.min(width - x), TILE.min(height - y)], features),
+            passes: 0,
             counts: Counts::default(),
             invalid: Vec::new(),
         })

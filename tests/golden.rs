@@ -7,10 +7,10 @@
 use dualux::accel::Accel;
 use dualux::formats::{LoadOptions, load};
 use dualux::image::film::Film;
-use dualux::integrators::World;
 use dualux::integrators::path::{Path, PathSettings};
 use dualux::render::{RenderSettings, Silent, render};
 use dualux::scene::Scene;
+use dualux::transport::World;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -49,10 +49,10 @@ fn render_small(name: &str, passes: u64, seed: u64) -> Film {
     (desc.film.width, desc.film.height, desc.film.crop) = (WIDTH, height, [0, 0, WIDTH, height]);
     let scene = Scene::new(desc).expect("the scene is valid");
     let accel = Accel::new(&scene.shapes);
-    let integrator = Path::new(World { scene: &scene, accel: &accel }, PathSettings::default());
+    let mut integrator = Path::new(World::new(&scene, &accel), PathSettings::default());
     let settings =
         RenderSettings { window: scene.film.crop, passes: Some(passes), deadline: None, seed, features: false };
-    render(&scene, &integrator, &settings, &AtomicBool::new(false), &mut Silent).film
+    render(&scene, &mut integrator, &settings, &AtomicBool::new(false), &mut Silent).film
 }
 
 fn blocks(film: &Film) -> Vec<(f64, f64)> {

@@ -4,11 +4,11 @@
 use dualux::accel::Accel;
 use dualux::formats::{LoadOptions, load};
 use dualux::image::png_file::write_codes;
-use dualux::integrators::World;
 use dualux::integrators::path::{Path, PathSettings};
 use dualux::math::Rgb;
 use dualux::render::{RenderSettings, Silent, render};
 use dualux::scene::Scene;
+use dualux::transport::World;
 use std::io::Write;
 use std::sync::atomic::AtomicBool;
 
@@ -71,10 +71,10 @@ fn pixels(dir: &tempfile::TempDir, before_lookat: &str, shapes: &str) -> [Rgb; 4
     let loaded = load(&file, &LoadOptions { strict: true, defines: vec![] }).expect("a valid scene");
     let scene = Scene::new(loaded.description).expect("a valid scene");
     let accel = Accel::new(&scene.shapes);
-    let path = Path::new(World { scene: &scene, accel: &accel }, PathSettings::default());
+    let mut path = Path::new(World::new(&scene, &accel), PathSettings::default());
     let settings =
         RenderSettings { window: scene.film.crop, passes: Some(1), deadline: None, seed: 1, features: false };
-    let done = render(&scene, &path, &settings, &AtomicBool::new(false), &mut Silent);
+    let done = render(&scene, &mut path, &settings, &AtomicBool::new(false), &mut Silent);
     done.film.picture(1).try_into().expect("four pixels")
 }
 

@@ -7,10 +7,10 @@
 use dualux::accel::Accel;
 use dualux::formats::{LoadOptions, load};
 use dualux::image::{Picture, read_image};
-use dualux::integrators::World;
 use dualux::integrators::path::{Path, PathSettings};
 use dualux::render::{RenderSettings, Silent, render};
 use dualux::scene::Scene;
+use dualux::transport::World;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
@@ -50,10 +50,10 @@ fn compare(xml: PathBuf, halves: [Picture; 2], passes: u64) -> [Comparison; 3] {
     let scene = Scene::new(loaded.description).expect("the scene is valid");
     let accel = Accel::new(&scene.shapes);
     let settings = PathSettings { rr_depth: 6, ..PathSettings::default() };
-    let integrator = Path::new(World { scene: &scene, accel: &accel }, settings);
+    let mut integrator = Path::new(World::new(&scene, &accel), settings);
     let run =
         RenderSettings { window: scene.film.crop, passes: Some(passes), deadline: None, seed: 3, features: false };
-    let film = render(&scene, &integrator, &run, &AtomicBool::new(false), &mut Silent).film;
+    let film = render(&scene, &mut integrator, &run, &AtomicBool::new(false), &mut Silent).film;
     let [a, b] = halves;
     let counts = |i: usize| a.mask.as_ref().is_none_or(|m| m[i]) && (a.pixels[i] + b.pixels[i]).is_finite();
     let counted: Vec<usize> = (0..a.pixels.len()).filter(|&i| counts(i)).collect();

@@ -11,10 +11,11 @@ use crate::image::exr_file::Attribute;
 use crate::image::metrics::Reference;
 use crate::image::{Window, atomic, read_image};
 use crate::integrators::path::{Path, PathSettings};
-use crate::integrators::{Counts, Integrator, World};
+use crate::integrators::{Counts, Integrator};
 use crate::render::{InvalidSample, Progress, RenderSettings, render, replay, tiles_per_pass};
 use crate::scene::Scene;
 use crate::scene::description::IntegratorDesc;
+use crate::transport::World;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -126,11 +127,11 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     // A name that cannot be written must not cost a render.
     let mut output = output(args, frame, seed)?;
     let (scene, accel) = args.scene.build(description)?;
-    let integrator = Path::new(World { scene: &scene, accel: &accel }, path_settings(args, &scene.integrator));
-    if let Some((x, y, pass)) = args.replay {
-        let s = replay(&scene, &integrator, seed, InvalidSample { x, y, pass });
+    let mut integrator = Path::new(World::new(&scene, &accel), path_settings(args, &scene.integrator));
+    if let Some((x, y, index)) = args.replay {
+        let s = replay(&scene, &mut integrator, seed, InvalidSample { x, y, index });
         let radiance = s.radiance.to_array();
-        return print(format!("pixel {x},{y} pass {pass}: radiance {radiance:?}, filter weight {}\n", s.weight));
+        return print(format!("pixel {x},{y} sample {index}: radiance {radiance:?}, filter weight {}\n", s.weight));
     }
 
     let window = scene.film.crop;
@@ -170,7 +171,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     let tiles = passes.map_or(0, |n| n.saturating_mul(tiles_per_pass(window)));
     let mut reporter = Reporter::new(start, tiles, args.quiet, &output);
     (reporter.limit, reporter.save_every, reporter.reference) = (limit, args.save_every, reference);
-    let done = render(&scene, &integrator, &settings, &stop, &mut reporter);
+    let done = render(&scene, &mut integrator, &settings, &stop, &mut reporter);
     reporter.measure(done.passes, &done.film);
     reporter.finish();
 
@@ -303,10 +304,10 @@ fn remarks(scene: &Scene, integrator: &dyn Integrator, done: &Progress) -> Vec<S
         );
     }
     if done.counts.invalid > 0 {
-        let first: Vec<String> = done.invalid.iter().map(|s| format!("{},{},{}", s.x, s.y, s.pass)).collect();
+        let first: Vec<String> = done.invalid.iter().map(|s| format!("{},{},{}", s.x, s.y, s.index)).collect();
         let n = done.counts.invalid;
         out.push(format!(
-            "{n} samples were not finite and left out; --replay x,y,pass shows one of: {}",
+            "{n} samples were not finite and left out; --replay x,y,index shows one of: {}",
             first.join(" ")
         ));
     }

@@ -2,20 +2,9 @@
 
 pub mod path;
 
-use crate::accel::Accel;
 use crate::image::film::Features;
 use crate::math::{Rgb, Sampler};
-use crate::scene::Scene;
 use crate::scene::camera::CameraRay;
-
-/// A scene with its acceleration structure.
-#[derive(Clone, Copy, Debug)]
-pub struct World<'a> {
-    /// The scene.
-    pub scene: &'a Scene,
-    /// Ray queries over it.
-    pub accel: &'a Accel,
-}
 
 /// What was counted while rendering. Sums over samples, the same for any number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -49,6 +38,19 @@ impl std::ops::AddAssign for Counts {
 pub trait Integrator: Sync {
     /// Name on the command line.
     fn name(&self) -> &'static str;
+
+    /// What has to be there before the samples of pass `pass` are taken: photons, caches. A pure function of the scene, the
+    /// settings, `pass` and the calls before. `over` says that time is up: work for a later pass than the first may then
+    /// be left, since no further sample will be asked for.
+    fn prepare(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
+        let _ = (pass, over);
+    }
+
+    /// Samples that a pass takes in the pixel at column `x` and row `y` of the full image; the same for every pass.
+    fn samples_per_pass(&self, x: u32, y: u32) -> u32 {
+        let _ = (x, y);
+        1
+    }
 
     /// Radiance along a camera ray and the features of the first surface. A pure function of the ray, the pass and
     /// the sampler's numbers.

@@ -11,18 +11,14 @@
 //! Not handled participating media; light through smooth glass is found by chance only (`remarks` says how much of it there is)
 //! Verified by tests/furnace.rs and tests/transport.rs (closed forms), tests/references.rs (converged references of another renderer)
 
-use super::{Counts, Integrator, World};
-use crate::accel::{Hit, Ray};
+use super::{Counts, Integrator};
+use crate::accel::Ray;
 use crate::image::film::Features;
 use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
-use crate::scene::shape::ShapeHit;
 use crate::scene::{Bsdf, LightSample, LobeKind, SurfacePoint, Transport};
+use crate::transport::{MAX_PASSED_SURFACES, World, power_heuristic};
 
-/// Shadow rays stop this much short of the lamp, relative to the distance, so that the lamp does not shadow itself.
-const SHADOW_SHORTENING: f32 = 1e-4;
-/// Most surfaces a ray may pass straight through (masks, null surfaces) before it is given up.
-const MAX_PASSED_SURFACES: u32 = 256;
 /// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
 const MAX_SURVIVAL: f32 = 0.95;
 
@@ -48,7 +44,6 @@ impl Default for PathSettings {
 pub struct Path<'a> {
     world: World<'a>,
     settings: PathSettings,
-    any_passes_light: bool,
 }
 
 /// What a path vertex needs to know of the one before: where light sampling could have started instead.
@@ -62,49 +57,7 @@ struct Previous {
 impl<'a> Path<'a> {
     /// A path tracer over `world`.
     pub fn new(world: World<'a>, settings: PathSettings) -> Self {
-        Path { world, settings, any_passes_light: world.scene.passes_light.iter().any(|&p| p) }
-    }
-
-    fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
-        let at = ShapeHit { t: hit.t, u: hit.u, v: hit.v };
-        self.world.scene.shapes[hit.shape as usize].surface_point(hit.shape, hit.prim, ray.o, ray.d, at)
-    }
-
-    fn bsdf(&self, at: &SurfacePoint, wo: Vec3) -> Bsdf {
-        let scene = self.world.scene;
-        Bsdf::new(&scene.materials, scene.shapes[at.shape as usize].material, scene.textures(), at, wo)
-    }
-
-    fn passes_light(&self, shape: u32) -> bool {
-        self.any_passes_light
-            && self.world.scene.passes_light[self.world.scene.shapes[shape as usize].material as usize]
-    }
-
-    /// Share of light that reaches the end of a shadow ray: 0 or 1, or what masks and null surfaces let through. With
-    /// `probe` it is counted whether what blocks the ray is specular.
-    fn transmittance(&self, mut ray: Ray, probe: bool, counts: &mut Counts) -> f32 {
-        counts.shadow_rays += 1;
-        counts.probed_shadow_rays += u64::from(probe);
-        if !self.any_passes_light && !probe {
-            return if self.world.accel.occluded(&ray) { 0.0 } else { 1.0 };
-        }
-        let mut through = 1.0;
-        for _ in 0..MAX_PASSED_SURFACES {
-            let Some(hit) = self.world.accel.closest(&ray) else { return through };
-            let passes = self.passes_light(hit.shape);
-            if !passes && !probe {
-                return 0.0;
-            }
-            let at = self.surface(&ray, &hit);
-            let bsdf = self.bsdf(&at, -ray.d);
-            through *= if passes { bsdf.straight_through() } else { 0.0 };
-            if through <= 0.0 {
-                counts.blocked_by_specular += u64::from(probe && bsdf.is_delta());
-                return 0.0;
-            }
-            ray = Ray { o: at.spawn_origin(ray.d), tmax: ray.tmax - hit.t, ..ray };
-        }
-        0.0
+        Path { world, settings }
     }
 
     /// Radiance from one light sample towards the point `at`, weighted against scattering into the same direction.
@@ -128,11 +81,13 @@ impl<'a> Path<'a> {
         if f == Rgb::ZERO {
             return Rgb::ZERO;
         }
-        let tmax = distance * (1.0 - SHADOW_SHORTENING);
-        let ray = Ray { o: at.spawn_origin(wi), d: wi, tmin: f32::MIN_POSITIVE, tmax };
-        let through = self.transmittance(ray, pass == 0, counts);
+        let probe = pass == 0;
+        let through = self.world.transmittance(self.world.shadow_ray(at, wi, distance), probe);
+        counts.shadow_rays += 1;
+        counts.probed_shadow_rays += u64::from(probe);
+        counts.blocked_by_specular += u64::from(through.blocked_by_specular);
         let mis = if pdf_dir == 0.0 { 1.0 } else { power_heuristic(pdf_dir, pdf_bsdf) };
-        f * weight * (mis * through)
+        f * weight * (mis * through.share)
     }
 
     /// Weight of emission found by scattering, against the light sample that could have found it.
@@ -145,19 +100,13 @@ impl<'a> Path<'a> {
     }
 }
 
-/// Power heuristic with beta = 2 for one sample each (Veach 1997, eq. 9.11), safe for infinite densities.
-fn power_heuristic(pdf: f32, other: f32) -> f32 {
-    let ratio = other / pdf;
-    if pdf > 0.0 { 1.0 / (1.0 + ratio * ratio) } else { 0.0 }
-}
-
 impl Integrator for Path<'_> {
     fn name(&self) -> &'static str {
         "path"
     }
 
     fn sample(&self, camera: &CameraRay, pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
-        let World { scene, accel } = self.world;
+        let World { scene, accel, .. } = self.world;
         let mut ray = Ray { o: camera.o, d: camera.d, tmin: camera.tmin, tmax: camera.tmax };
         let (mut radiance, mut throughput, mut eta) = (Rgb::ZERO, Rgb::ONE, 1.0f32);
         let mut features = Features::default();
@@ -174,7 +123,7 @@ impl Integrator for Path<'_> {
                 }
                 break;
             };
-            let at = self.surface(&ray, &hit);
+            let at = self.world.surface(&ray, &hit);
             let wo = -ray.d;
 
             if !emitters_seen && scene.shapes[at.shape as usize].emission.is_some() {
@@ -196,12 +145,12 @@ impl Integrator for Path<'_> {
                 }
             }
 
-            let bsdf = self.bsdf(&at, wo);
+            let bsdf = self.world.bsdf(&at, wo);
             if depth == 0 && features.shape == 0 {
                 features = self.features(&at, &bsdf, wo, camera.o);
             }
             let last = self.settings.max_depth.is_some_and(|max| depth + 1 >= max);
-            if last && !self.passes_light(at.shape) {
+            if last && !self.world.passes_light(at.shape) {
                 break;
             }
             if !last && !bsdf.is_delta() {
@@ -252,20 +201,5 @@ impl Integrator for Path<'_> {
             ));
         }
         out
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn power_heuristic_is_a_partition_of_unity() {
-        for (a, b) in [(1.0, 3.0), (1e-20, 1e20), (1e20, 1e-20), (2.0, 2.0), (5.0, 0.0)] {
-            let sum = power_heuristic(a, b) + power_heuristic(b, a);
-            assert!((sum - 1.0).abs() < 1e-6, "{a} {b}: {sum}");
-        }
-        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
-        assert_eq!(power_heuristic(0.0, 1.0), 0.0);
     }
 }

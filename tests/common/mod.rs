@@ -2,13 +2,13 @@
 #![allow(dead_code)] // not every test file uses every function
 
 use dualux::accel::{Accel, Simd};
-use dualux::integrators::World;
 use dualux::integrators::path::{Path, PathSettings};
 use dualux::math::filter::PixelFilter;
 use dualux::math::{DMat4, DVec3, Rgb};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
 use dualux::scene::{Color, Description, Material, Scene};
+use dualux::transport::World;
 use std::sync::atomic::AtomicBool;
 
 /// A pinhole camera at `eye` that looks at `target`; `width` x `height` pixels, box filter, nothing else in the scene.
@@ -79,10 +79,10 @@ pub fn render_path(desc: Description, settings: PathSettings, passes: u64, seed:
 pub fn render_path_with(desc: Description, settings: PathSettings, passes: u64, seed: u64, simd: Simd) -> Progress {
     let scene = Scene::new(desc).expect("the scene is valid");
     let accel = Accel::with_simd(&scene.shapes, simd);
-    let integrator = Path::new(World { scene: &scene, accel: &accel }, settings);
+    let mut integrator = Path::new(World::new(&scene, &accel), settings);
     let settings =
         RenderSettings { window: scene.film.crop, passes: Some(passes), deadline: None, seed, features: false };
-    render(&scene, &integrator, &settings, &AtomicBool::new(false), &mut Silent)
+    render(&scene, &mut integrator, &settings, &AtomicBool::new(false), &mut Silent)
 }
 
 /// Mean and standard error of the picture's first channel from `runs` independent renders.

@@ -1,0 +1,106 @@
+//! A scene with its acceleration structure: the questions that every random walk asks.
+
+use crate::accel::{Accel, Hit, Ray};
+use crate::math::Vec3;
+use crate::scene::shape::ShapeHit;
+use crate::scene::{Bsdf, Scene, SurfacePoint};
+
+/// Shadow rays stop this much short of the lamp, relative to the distance, so that the lamp does not shadow itself.
+const SHADOW_SHORTENING: f32 = 1e-4;
+/// Most surfaces a ray may pass straight through (masks, null surfaces) before it is given up.
+pub const MAX_PASSED_SURFACES: u32 = 256;
+
+/// A scene with its acceleration structure.
+#[derive(Clone, Copy, Debug)]
+pub struct World<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Ray queries over it.
+    pub accel: &'a Accel,
+    any_passes_light: bool,
+}
+
+/// What a shadow ray found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Through {
+    /// Share of the light that reaches the end: 0 or 1, or what masks and null surfaces let through.
+    pub share: f32,
+    /// Whether what blocks it scatters by Dirac lobes only (smooth glass, metal). Known only when asked for.
+    pub blocked_by_specular: bool,
+}
+
+impl<'a> World<'a> {
+    /// A scene and the structure that was built over its shapes.
+    pub fn new(scene: &'a Scene, accel: &'a Accel) -> Self {
+        World { scene, accel, any_passes_light: scene.passes_light.iter().any(|&p| p) }
+    }
+
+    /// The surface point of a hit.
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
+        let at = ShapeHit { t: hit.t, u: hit.u, v: hit.v };
+        self.scene.shapes[hit.shape as usize].surface_point(hit.shape, hit.prim, ray.o, ray.d, at)
+    }
+
+    /// The material there, seen from `wo` (away from the surface).
+    pub fn bsdf(&self, at: &SurfacePoint, wo: Vec3) -> Bsdf {
+        let scene = self.scene;
+        Bsdf::new(&scene.materials, scene.shapes[at.shape as usize].material, scene.textures(), at, wo)
+    }
+
+    /// Whether rays may pass straight through the shape: a mask or a null surface.
+    pub fn passes_light(&self, shape: u32) -> bool {
+        self.any_passes_light && self.scene.passes_light[self.scene.shapes[shape as usize].material as usize]
+    }
+
+    /// The segment from a surface point along the unit vector `wi` to a light at `distance`, for [`Self::transmittance`].
+    pub fn shadow_ray(&self, at: &SurfacePoint, wi: Vec3, distance: f32) -> Ray {
+        let tmax = distance * (1.0 - SHADOW_SHORTENING);
+        Ray { o: at.spawn_origin(wi), d: wi, tmin: f32::MIN_POSITIVE, tmax }
+    }
+
+    /// What of the light reaches the end of a shadow ray. With `probe` it is found out what blocks it, at the price of a
+    /// closest-hit query.
+    pub fn transmittance(&self, mut ray: Ray, probe: bool) -> Through {
+        let through = |share: f32| Through { share, blocked_by_specular: false };
+        if !self.any_passes_light && !probe {
+            return through(if self.accel.occluded(&ray) { 0.0 } else { 1.0 });
+        }
+        let mut share = 1.0;
+        for _ in 0..MAX_PASSED_SURFACES {
+            let Some(hit) = self.accel.closest(&ray) else { return through(share) };
+            let passes = self.passes_light(hit.shape);
+            if !passes && !probe {
+                return through(0.0);
+            }
+            let at = self.surface(&ray, &hit);
+            let bsdf = self.bsdf(&at, -ray.d);
+            share *= if passes { bsdf.straight_through() } else { 0.0 };
+            if share <= 0.0 {
+                return Through { share: 0.0, blocked_by_specular: probe && bsdf.is_delta() };
+            }
+            ray = Ray { o: at.spawn_origin(ray.d), tmax: ray.tmax - hit.t, ..ray };
+        }
+        through(0.0)
+    }
+}
+
+/// Power heuristic with beta = 2 for one sample each (Veach 1997, eq. 9.11), safe for infinite densities.
+pub fn power_heuristic(pdf: f32, other: f32) -> f32 {
+    let ratio = other / pdf;
+    if pdf > 0.0 { 1.0 / (1.0 + ratio * ratio) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn power_heuristic_is_a_partition_of_unity() {
+        for (a, b) in [(1.0, 3.0), (1e-20, 1e20), (1e20, 1e-20), (2.0, 2.0), (5.0, 0.0)] {
+            let sum = power_heuristic(a, b) + power_heuristic(b, a);
+            assert!((sum - 1.0).abs() < 1e-6, "{a} {b}: {sum}");
+        }
+        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
+        assert_eq!(power_heuristic(0.0, 1.0), 0.0);
+    }
+}
