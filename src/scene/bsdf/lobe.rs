@@ -112,18 +112,39 @@ impl Lobe {
 
     /// True if nothing of the lobe has a density.
     pub fn is_dirac(&self) -> bool {
-        matches!(self, Lobe::Metal(_) | Lobe::Glass(_) | Lobe::Pane(_) | Lobe::Null)
+        match self {
+            Lobe::Metal(_) | Lobe::Glass(_) | Lobe::Pane(_) | Lobe::Null => true,
+            Lobe::Plastic(l) => !l.has_base(),
+            _ => false,
+        }
     }
 
     /// True if a part of the lobe is diffuse.
     pub fn has_diffuse(&self) -> bool {
-        matches!(self, Lobe::Lambert(_) | Lobe::OrenNayar(_) | Lobe::Plastic(_) | Lobe::RoughPlastic(_))
+        match self {
+            Lobe::Lambert(_) | Lobe::OrenNayar(_) => true,
+            Lobe::Plastic(l) => l.has_base(),
+            Lobe::RoughPlastic(l) => l.has_base(),
+            _ => false,
+        }
+    }
+
+    /// The diffuse part and the rest; their values add up to this lobe's.
+    pub fn split(self) -> [Option<Self>; 2] {
+        match self {
+            Lobe::Lambert(_) | Lobe::OrenNayar(_) => [Some(self), None],
+            Lobe::Plastic(l) => l.split().map(|part| Some(Lobe::Plastic(part))),
+            Lobe::RoughPlastic(l) => l.split().map(|part| Some(Lobe::RoughPlastic(part))),
+            _ => [None, Some(self)],
+        }
     }
 
     /// Roughness of the sharpest part: 0 for Dirac lobes, 1 for diffuse and null ones.
     pub fn min_alpha(&self) -> f32 {
         match self {
             Lobe::Lambert(_) | Lobe::OrenNayar(_) | Lobe::Null => 1.0,
+            Lobe::Plastic(l) if !l.has_coat() => 1.0,
+            Lobe::RoughPlastic(l) if !l.has_coat() => 1.0,
             Lobe::Metal(_) | Lobe::Glass(_) | Lobe::Pane(_) | Lobe::Plastic(_) => 0.0,
             Lobe::RoughMetal(l) => l.micro.min_alpha().min(1.0),
             Lobe::RoughGlass(l) => l.micro.min_alpha().min(1.0),

@@ -197,6 +197,27 @@ impl Bsdf {
         chosen
     }
 
+    /// The diffuse part, whose light comes from irradiance, and the rest, which depends on single directions: Dirac and
+    /// glossy lobes, coats. Their values add up to this material's; each draws from its own lobes only.
+    pub fn split(self) -> (Option<Bsdf>, Option<Bsdf>) {
+        if let (Lobe::Lambert(_), true) = (&self.first.lobe, self.rest.is_empty()) {
+            return (Some(self), None);
+        }
+        let n_geo = self.n_geo;
+        let (mut diffuse, mut rest) = (Vec::new(), Vec::new());
+        for layer in std::iter::once(self.first).chain(self.rest) {
+            let [d, r] = layer.lobe.split();
+            let part = |lobe| Layer { lobe, ..layer };
+            diffuse.extend(d.filter(Lobe::has_diffuse).map(part));
+            rest.extend(r.map(part));
+        }
+        let bsdf = |mut layers: Vec<Layer>| {
+            let first = if layers.is_empty() { None } else { Some(layers.swap_remove(0)) };
+            first.map(|first| Bsdf { n_geo, first, rest: layers })
+        };
+        (bsdf(diffuse), bsdf(rest))
+    }
+
     /// Share of light that passes straight through (weight of the null lobes).
     pub fn straight_through(&self) -> f32 {
         self.layers().filter(|l| matches!(l.lobe, lobe::Lobe::Null)).map(|l| l.weight).sum()

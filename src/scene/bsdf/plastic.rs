@@ -45,6 +45,16 @@ impl Layers {
         }
     }
 
+    /// The base alone.
+    fn of_base(self) -> Self {
+        Layers { coat: Rgb::ZERO, coat_share: 0.0, ..self }
+    }
+
+    /// The coat alone.
+    fn of_coat(self) -> Self {
+        Layers { base: Rgb::ZERO, coat_share: 1.0, ..self }
+    }
+
     /// Probability to sample the coat where it reflects the share `f`.
     fn coat_probability(&self, f: f32) -> f32 {
         let s = f * self.coat_share;
@@ -56,6 +66,30 @@ impl Layers {
         self.coat * f + self.base * ((1.0 - f) * self.escape)
     }
 }
+
+/// Methods that smooth and rough plastic have alike.
+macro_rules! parts {
+    ($plastic:ty) => {
+        impl $plastic {
+            /// Base and coat as materials of their own, whose values add up to this one's.
+            pub fn split(self) -> [Self; 2] {
+                [self.layers.of_base(), self.layers.of_coat()].map(|layers| Self { layers, ..self })
+            }
+
+            /// Whether the base reflects anything.
+            pub fn has_base(&self) -> bool {
+                self.layers.base != Rgb::ZERO
+            }
+
+            /// Whether the coat reflects anything.
+            pub fn has_coat(&self) -> bool {
+                self.layers.coat != Rgb::ZERO
+            }
+        }
+    };
+}
+parts!(Plastic);
+parts!(RoughPlastic);
 
 /// Diffuse base under a smooth coat.
 #[derive(Clone, Copy, Debug)]

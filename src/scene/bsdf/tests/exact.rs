@@ -181,3 +181,36 @@ fn lobes_are_classified() {
     assert_eq!(of(plastic(1.5, 0.5, 1.0, false, None)), (false, true, 0.0));
     assert_eq!(of(plastic(1.5, 0.5, 1.0, false, Some(rough(Ggx, 0.2, 0.2)))), (false, true, 0.2));
 }
+
+/// The diffuse part and the rest add up to the whole, the diffuse part is all diffuse, and the rest never samples diffusely.
+#[test]
+fn parts_add_up() {
+    let (mut diffuse_parts, mut rests) = (0, 0);
+    for (name, materials) in cases() {
+        for a in views() {
+            let whole = resolve(&materials, &flat(), a);
+            let (diffuse, rest) = whole.clone().split();
+            let parts: Vec<&Bsdf> = diffuse.iter().chain(&rest).collect();
+            let albedo: Rgb = parts.iter().map(|p| p.albedo(a)).sum();
+            assert!((albedo - whole.albedo(a)).abs().max_element() < 1e-5, "{name} {a}: {albedo}");
+            for i in 0..20 {
+                let Some(b) = draw(&whole, a, 4, i, Transport::Radiance).map(|s| s.wi) else { continue };
+                let f = whole.eval(a, b, Transport::Radiance);
+                let sum: Rgb = parts.iter().map(|p| p.eval(a, b, Transport::Radiance)).sum();
+                assert!((f - sum).abs().max_element() <= 1e-5 + 1e-4 * f.max_element(), "{name} {a} {b}: {f} {sum}");
+                let kind = |p: &Bsdf| draw(p, a, 5, i, Transport::Radiance).map(|s| s.lobe);
+                if let Some(d) = &diffuse {
+                    diffuse_parts += 1;
+                    assert!(matches!(kind(d), None | Some(LobeKind::Diffuse)), "{name}");
+                    assert_eq!(d.min_alpha(), 1.0, "{name}");
+                }
+                if let Some(r) = &rest {
+                    rests += 1;
+                    assert_ne!(kind(r), Some(LobeKind::Diffuse), "{name}");
+                    assert!(!r.has_diffuse(), "{name}");
+                }
+            }
+        }
+    }
+    assert!(diffuse_parts > 100 && rests > 100, "{diffuse_parts} {rests}");
+}
