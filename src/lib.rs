@@ -8,15 +8,17 @@
 //! 3. [`scene`], [`formats`]: what a scene is, and the files that describe one
 //! 4. [`accel`]: ray queries over a scene
 //! 5. [`edge`]: which edges a footprint of rays sees
-//! 6. [`transport`]: what light transport is made of
-//! 7. [`integrators`]: light transport algorithms
-//! 8. [`render`], [`cli`]: the main loop and the command line
+//! 6. [`emission`]: where photons start
+//! 7. [`transport`]: what light transport is made of
+//! 8. [`integrators`]: light transport algorithms
+//! 9. [`render`], [`cli`]: the main loop and the command line
 
 #![warn(missing_docs)]
 
 pub mod accel;
 pub mod cli;
 pub mod edge;
+pub mod emission;
 pub mod formats;
 pub mod image;
 pub mod integrators;

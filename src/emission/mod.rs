@@ -1,0 +1,46 @@
+//! Emission: where photons start, how much flux they carry, and what part of the light's emission each one stands for.
+//!
+//! A light maps its primary-sample space, [0,1)^2 or [0,1)^4, to rays; natural density is in proportion to flux. Densities over that
+//! space decide where photons go; the flux of each follows from them, so that the sum is the power of the lights whatever the density.
+
+use crate::math::{Rgb, Vec3};
+
+/// Parameters of the emission of one photon, at most: two of the position on a light, two of the direction.
+pub const MOST_PARAMETERS: usize = 4;
+
+/// Derivatives of a ray over the cell of primary-sample space that one photon stands for: parameter k runs over [-1, 1] across the cell,
+/// whose measure is the photon's share of the power of all lights. Parameters beyond the light's own are zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spread {
+    /// Derivatives of the origin.
+    pub o: [Vec3; MOST_PARAMETERS],
+    /// Derivatives of the direction, which is a unit vector at the centre.
+    pub d: [Vec3; MOST_PARAMETERS],
+}
+
+/// A ray that leaves a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmittedRay {
+    /// Origin: robust for tracing (off the lamp's surface); for lights at infinity outside the scene.
+    pub o: Vec3,
+    /// Unit direction.
+    pub d: Vec3,
+    /// Power of the photon, W: the flux of its stratum over the number of photons there.
+    pub flux: Rgb,
+    /// The light, as an index into `Lights::infos`.
+    pub light: u32,
+    /// The stratum of the density.
+    pub stratum: u32,
+    /// The neighbourhood it stands for.
+    pub spread: Spread,
+}
+
+/// A way to place photons. The photons of one pass, indices 0..count, together carry the power of all lights (in expectation, where a
+/// count is random).
+pub trait EmissionDensity: Sync {
+    /// Photons of a pass.
+    fn count(&self) -> usize;
+
+    /// Photon `index` of pass `pass`: a pure function. `None` if it has no power (a dark texel, the back of a lamp).
+    fn emit(&self, index: usize, pass: u64) -> Option<EmittedRay>;
+}
