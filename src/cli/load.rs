@@ -9,7 +9,7 @@ use crate::scene::{Description, Scene};
 use std::path::PathBuf;
 
 /// Options of every subcommand that reads a scene.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct SceneArgs {
     /// Scene file (Mitsuba XML, version 0.4 to 3).
     pub scene: PathBuf,

@@ -12,6 +12,7 @@ mod options;
 mod output;
 mod progress;
 mod render;
+mod session;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use std::error::Error;

@@ -1,93 +1,85 @@
 //! `dualux render`: a scene file becomes a picture.
 
 use super::checks::idle_lamps;
-use super::load::{SceneArgs, crop_film, scale_film};
+use super::load::SceneArgs;
 use super::output::{Aov, Output, check_name};
 use super::progress::Reporter;
-use super::{Failure, options, print, tell};
+use super::{Failure, options, print, session, tell};
 use crate::edge::EdgeDetector;
-use crate::formats::Diagnostic;
+use crate::formats::Loaded;
+use crate::image::atomic;
 use crate::image::exr_file::Attribute;
-use crate::image::metrics::Reference;
-use crate::image::{Window, atomic, read_image};
-use crate::integrators::path::{Path, PathSettings};
-use crate::integrators::{Counts, Integrator};
-use crate::render::{InvalidSample, Progress, RenderSettings, render, replay, tiles_per_pass};
-use crate::scene::Scene;
-use crate::scene::description::IntegratorDesc;
-use crate::transport::World;
+use crate::integrators::{Counts, World};
+use crate::render::{InvalidSample, RenderSettings, render, replay, tiles_per_pass};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// Samples per pixel where neither the command line nor the file says anything.
-const DEFAULT_PASSES: u64 = 64;
-
-/// Arguments of `render`.
-#[derive(Debug, clap::Args)]
+/// Arguments of `render`; each configuration of `compare` is a set of them.
+#[derive(Clone, Debug, clap::Args)]
 pub struct RenderArgs {
+    /// The scene.
     #[command(flatten)]
-    scene: SceneArgs,
+    pub scene: SceneArgs,
     /// Output file, .exr or .png; may be repeated [default: the scene's name with .exr].
     #[arg(short, long, value_name = "FILE")]
-    output: Vec<PathBuf>,
+    pub output: Vec<PathBuf>,
     /// Integrator [default: the file's if it is one of ours, else path].
     #[arg(long, value_enum)]
-    integrator: Option<IntegratorChoice>,
+    pub integrator: Option<IntegratorChoice>,
     /// Number of passes; one sample per pixel each. K and M suffixes are understood.
     #[arg(long, value_parser = options::positive, conflicts_with = "spp")]
-    passes: Option<u64>,
+    pub passes: Option<u64>,
     /// Samples per pixel (the same as --passes for `path`).
     #[arg(long, value_parser = options::positive)]
-    spp: Option<u64>,
+    pub spp: Option<u64>,
     /// Wall clock limit of the whole process, such as 30s, 2m or 500ms; replaces the file's sample count.
     #[arg(long, value_parser = options::duration)]
-    time_limit: Option<Duration>,
+    pub time_limit: Option<Duration>,
     /// Seed of all random numbers [default: the file's, else 0].
     #[arg(long)]
-    seed: Option<u64>,
+    pub seed: Option<u64>,
     /// Longest path: 1 = emitters only, 2 = direct light [default: the file's].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
-    max_depth: Option<u32>,
+    pub max_depth: Option<u32>,
     /// Depth at which Russian roulette starts [default: the file's, else 5].
     #[arg(long)]
-    rr_depth: Option<u32>,
+    pub rr_depth: Option<u32>,
     /// Render only this window of the image, in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = options::window)]
-    crop: Option<[u32; 4]>,
+    pub crop: Option<[u32; 4]>,
     /// Scale the image's size.
     #[arg(long, value_parser = options::factor)]
-    scale: Option<f64>,
+    pub scale: Option<f64>,
     /// Layers to write beside the picture (EXR).
     #[arg(long, value_enum, value_delimiter = ',')]
-    aov: Vec<Aov>,
+    pub aov: Vec<Aov>,
     /// Exposure of PNG files, in stops.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = options::stops)]
-    exposure: f32,
+    pub exposure: f32,
     /// Write the picture so far at this interval.
     #[arg(long, value_parser = options::duration)]
-    save_every: Option<Duration>,
+    pub save_every: Option<Duration>,
     /// Reference image: print the error (untrimmed relMSE) as the picture converges. Two files are two independent halves.
     #[arg(long, value_name = "FILE", num_args = 1..=2)]
-    reference: Vec<PathBuf>,
+    pub reference: Vec<PathBuf>,
     /// Write counts, times and the error curve to this file.
     #[arg(long, value_name = "FILE")]
-    stats_json: Option<PathBuf>,
+    pub stats_json: Option<PathBuf>,
     /// Take one sample again, as reported for samples that were not finite, and print it.
     #[arg(long, value_name = "X,Y,PASS", value_parser = options::sample_address)]
-    replay: Option<(u32, u32, u64)>,
+    pub replay: Option<(u32, u32, u64)>,
     /// Show nothing but warnings and errors.
     #[arg(short, long, conflicts_with = "verbose")]
-    quiet: bool,
+    pub quiet: bool,
     /// Say more.
     #[arg(short, long)]
-    verbose: bool,
+    pub verbose: bool,
 }
 
 /// Integrators by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum IntegratorChoice {
+pub enum IntegratorChoice {
     /// Unidirectional path tracing with light sampling: unbiased, the reference for all others.
     Path,
 }
@@ -113,23 +105,17 @@ struct Stats<'a> {
 
 /// Runs the command; `start` is when the process began.
 pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
-    let loaded = args.scene.read()?;
-    print_warnings(&loaded.warnings);
-    let mut description = loaded.description;
-    if let Some(scale) = args.scale {
-        scale_film(&mut description, scale)?;
-    }
-    if let Some(window) = args.crop {
-        crop_film(&mut description, window)?;
-    }
+    let Loaded { description, warnings } = session::describe(args)?;
+    warnings.iter().for_each(tell);
     let seed = args.seed.unwrap_or(description.seed);
     let frame = (description.film.width as usize, description.film.height as usize);
     // A name that cannot be written must not cost a render.
     let mut output = output(args, frame, seed)?;
     let (scene, accel) = args.scene.build(description)?;
-    let mut integrator = Path::new(World::new(&scene, &accel), path_settings(args, &scene.integrator));
-    if let Some((x, y, index)) = args.replay {
-        let s = replay(&scene, &mut integrator, seed, InvalidSample { x, y, index });
+    let integrator = session::integrator(args, World { scene: &scene, accel: &accel });
+    let integrator = integrator.as_ref();
+    if let Some((x, y, pass)) = args.replay {
+        let s = replay(&scene, integrator, seed, InvalidSample { x, y, pass });
         let radiance = s.radiance.to_array();
         return print(format!("pixel {x},{y} sample {index}: radiance {radiance:?}, filter weight {}\n", s.weight));
     }
@@ -138,13 +124,8 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     if output.aovs.contains(&Aov::Edges) {
         output.edges = EdgeDetector::new(&scene, &accel).pixel_map(window);
     }
-    let reference = read_reference(args, frame, window)?;
-    let timeout = || scene.integrator.timeout.and_then(|t| Duration::try_from_secs_f64(t).ok());
-    let limit = args.time_limit.or_else(timeout).filter(|l| *l <= options::LONGEST);
-    let passes = args.passes.or(args.spp).or(match limit {
-        None => Some(scene.sample_count.map_or(DEFAULT_PASSES, u64::from)),
-        Some(_) => None,
-    });
+    let reference = session::read_reference(&args.reference, frame, window)?;
+    let (passes, limit) = session::limits(args, &scene);
     let settings = RenderSettings {
         window,
         passes,
@@ -167,16 +148,16 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
 
     idle_lamps(&scene, &accel).iter().for_each(|w| tell(format_args!("warning: {w}")));
 
-    let stop = stop_on_signals()?;
+    let stop = session::stop_on_signals()?;
     let tiles = passes.map_or(0, |n| n.saturating_mul(tiles_per_pass(window)));
     let mut reporter = Reporter::new(start, tiles, args.quiet, &output);
     (reporter.limit, reporter.save_every, reporter.reference) = (limit, args.save_every, reference);
-    let done = render(&scene, &mut integrator, &settings, &stop, &mut reporter);
+    let done = render(&scene, integrator, &settings, &stop, &mut reporter);
     reporter.measure(done.passes, &done.film);
     reporter.finish();
 
     output.write(&done.film, done.passes, start.elapsed(), start.elapsed())?;
-    let remarks = remarks(&scene, &integrator, &done);
+    let remarks = session::remarks(&scene, integrator, &done);
     let (mean, standard_error) = done.film.mean_and_error();
     let total_seconds = start.elapsed().as_secs_f64();
     if let Some(path) = &args.stats_json {
@@ -237,82 +218,4 @@ fn output(args: &RenderArgs, frame: (usize, usize), seed: u64) -> Result<Output,
         args.stats_json.as_deref().map_or(Ok(()), atomic::check)?;
     }
     Ok(output)
-}
-
-fn path_settings(args: &RenderArgs, file: &IntegratorDesc) -> PathSettings {
-    let default = PathSettings::default();
-    PathSettings {
-        max_depth: args.max_depth.or(file.max_depth),
-        rr_depth: args.rr_depth.or(file.rr_depth).unwrap_or(default.rr_depth),
-        hide_emitters: file.hide_emitters,
-    }
-}
-
-/// The references, cut to the window: each shows the whole `frame`, or is a picture of the window's size.
-fn read_reference(
-    args: &RenderArgs,
-    frame: (usize, usize),
-    [x, y, width, height]: [u32; 4],
-) -> Result<Option<Reference>, Failure> {
-    let window = Window { x: x as i32, y: y as i32, width: width as usize, height: height as usize };
-    let mut pictures = Vec::new();
-    for path in &args.reference {
-        let picture = read_image(path)?;
-        let (w, h) = (picture.width(), picture.height());
-        let fitting = if picture.frame == frame {
-            picture.cropped(window)
-        } else {
-            // A crop that forgot where it came from.
-            Some(picture).filter(|p| p.frame == (window.width, window.height) && p.window.area() == window.area())
-        };
-        let problem = || format!("{}: {w} x {h} pixels do not fit the image of {width} x {height}", path.display());
-        pictures.push(fitting.ok_or_else(problem)?);
-    }
-    let reference = pictures.first().map(|a| Reference::new(a, pictures.get(1)));
-    Ok(reference.transpose()?)
-}
-
-/// A flag that SIGINT, SIGTERM and SIGHUP set; a second signal ends the process at once.
-fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
-    use signal_hook::consts::{SIGINT, SIGTERM};
-    let stop = Arc::new(AtomicBool::new(false));
-    let mut signals = vec![SIGINT, SIGTERM];
-    #[cfg(unix)]
-    signals.push(signal_hook::consts::SIGHUP);
-    for signal in signals {
-        signal_hook::flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))?;
-        signal_hook::flag::register(signal, Arc::clone(&stop))?;
-    }
-    Ok(stop)
-}
-
-fn print_warnings(warnings: &[Diagnostic]) {
-    warnings.iter().for_each(tell);
-}
-
-/// What the user should know after the run.
-fn remarks(scene: &Scene, integrator: &dyn Integrator, done: &Progress) -> Vec<String> {
-    let mut out = integrator.remarks(&done.counts);
-    if scene.shapes.is_empty() {
-        out.push("the scene has no surface".into());
-    }
-    if scene.lights.is_empty() {
-        out.push("the scene has no light: the picture is black".into());
-    } else if done.film.pixels().iter().all(|p| p.mean() == [0.0; 3]) {
-        out.push(
-            "the picture is black: no light reaches the camera (area lights emit on their normal side only)".into(),
-        );
-    }
-    if done.counts.invalid > 0 {
-        let first: Vec<String> = done.invalid.iter().map(|s| format!("{},{},{}", s.x, s.y, s.index)).collect();
-        let n = done.counts.invalid;
-        out.push(format!(
-            "{n} samples were not finite and left out; --replay x,y,index shows one of: {}",
-            first.join(" ")
-        ));
-    }
-    if done.passes == 0 {
-        out.push("the render ended within its first pass: parts of the picture are coarse".into());
-    }
-    out
 }

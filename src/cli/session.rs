@@ -1,0 +1,126 @@
+//! The pieces of a render that `render` and `compare` share: from flags to a scene, an integrator, limits and references.
+
+use super::Failure;
+use super::load::{crop_film, scale_film};
+use super::options;
+use super::render::{IntegratorChoice, RenderArgs};
+use crate::formats::Loaded;
+use crate::image::metrics::Reference;
+use crate::image::{Window, read_image};
+use crate::integrators::path::{Path, PathSettings};
+use crate::integrators::{Integrator, World};
+use crate::render::Progress;
+use crate::scene::Scene;
+use crate::scene::description::IntegratorDesc;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// Samples per pixel where neither the command line nor the file says anything.
+const DEFAULT_PASSES: u64 = 64;
+
+/// Reads the scene file and gives the film the size and window that the flags ask for.
+pub fn describe(args: &RenderArgs) -> Result<Loaded, Failure> {
+    let mut loaded = args.scene.read()?;
+    if let Some(scale) = args.scale {
+        scale_film(&mut loaded.description, scale)?;
+    }
+    if let Some(window) = args.crop {
+        crop_film(&mut loaded.description, window)?;
+    }
+    Ok(loaded)
+}
+
+/// The integrator that the flags and the file ask for.
+pub fn integrator<'a>(args: &RenderArgs, world: World<'a>) -> Box<dyn Integrator + 'a> {
+    match args.integrator.unwrap_or(IntegratorChoice::Path) {
+        IntegratorChoice::Path => Box::new(Path::new(world, path_settings(args, &world.scene.integrator))),
+    }
+}
+
+/// When to stop: the number of passes, and the limit of the process's wall clock. Either may be absent, but not both.
+pub fn limits(args: &RenderArgs, scene: &Scene) -> (Option<u64>, Option<Duration>) {
+    let timeout = || scene.integrator.timeout.and_then(|t| Duration::try_from_secs_f64(t).ok());
+    let limit = args.time_limit.or_else(timeout).filter(|l| *l <= options::LONGEST);
+    let passes = args.passes.or(args.spp).or(match limit {
+        None => Some(scene.sample_count.map_or(DEFAULT_PASSES, u64::from)),
+        Some(_) => None,
+    });
+    (passes, limit)
+}
+
+/// Settings of the path tracer: the flags, else the file's.
+fn path_settings(args: &RenderArgs, file: &IntegratorDesc) -> PathSettings {
+    let default = PathSettings::default();
+    PathSettings {
+        max_depth: args.max_depth.or(file.max_depth),
+        rr_depth: args.rr_depth.or(file.rr_depth).unwrap_or(default.rr_depth),
+        hide_emitters: file.hide_emitters,
+    }
+}
+
+/// The references, cut to the window: each shows the whole `frame`, or is a picture of the window's size.
+pub fn read_reference(
+    paths: &[PathBuf],
+    frame: (usize, usize),
+    [x, y, width, height]: [u32; 4],
+) -> Result<Option<Reference>, Failure> {
+    let window = Window { x: x as i32, y: y as i32, width: width as usize, height: height as usize };
+    let mut pictures = Vec::new();
+    for path in paths {
+        let picture = read_image(path)?;
+        let (w, h) = (picture.width(), picture.height());
+        let fitting = if picture.frame == frame {
+            picture.cropped(window)
+        } else {
+            // A crop that forgot where it came from.
+            Some(picture).filter(|p| p.frame == (window.width, window.height) && p.window.area() == window.area())
+        };
+        let problem = || format!("{}: {w} x {h} pixels do not fit the image of {width} x {height}", path.display());
+        pictures.push(fitting.ok_or_else(problem)?);
+    }
+    let reference = pictures.first().map(|a| Reference::new(a, pictures.get(1)));
+    Ok(reference.transpose()?)
+}
+
+/// A flag that SIGINT, SIGTERM and SIGHUP set; a second signal ends the process at once.
+pub fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut signals = vec![SIGINT, SIGTERM];
+    #[cfg(unix)]
+    signals.push(signal_hook::consts::SIGHUP);
+    for signal in signals {
+        signal_hook::flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))?;
+        signal_hook::flag::register(signal, Arc::clone(&stop))?;
+    }
+    Ok(stop)
+}
+
+/// What the user should know after the run.
+pub fn remarks(scene: &Scene, integrator: &dyn Integrator, done: &Progress) -> Vec<String> {
+    let mut out = integrator.remarks(&done.counts);
+    if scene.shapes.is_empty() {
+        out.push("the scene has no surface".into());
+    }
+    if scene.lights.is_empty() {
+        out.push("the scene has no light: the picture is black".into());
+    } else if done.film.pixels().iter().all(|p| p.mean() == [0.0; 3]) {
+        out.push(
+            "the picture is black: no light reaches the camera (area lights emit on their normal side only)".into(),
+        );
+    }
+    if done.counts.invalid > 0 {
+        let first: Vec<String> = done.invalid.iter().map(|s| format!("{},{},{}", s.x, s.y, s.pass)).collect();
+        let n = done.counts.invalid;
+        out.push(format!(
+            "{n} samples were not finite and left out; --replay x,y,pass shows one of: {}",
+            first.join(" ")
+        ));
+    }
+    if done.passes == 0 {
+        out.push("the render ended within its first pass: parts of the picture are coarse".into());
+    }
+    out
+}
