@@ -9,8 +9,9 @@ use crate::edge::EdgeDetector;
 use crate::formats::Loaded;
 use crate::image::atomic;
 use crate::image::exr_file::Attribute;
-use crate::integrators::{Counts, World};
+use crate::integrators::Counts;
 use crate::render::{InvalidSample, RenderSettings, render, replay, tiles_per_pass};
+use crate::transport::World;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -67,7 +68,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     pub stats_json: Option<PathBuf>,
     /// Take one sample again, as reported for samples that were not finite, and print it.
-    #[arg(long, value_name = "X,Y,PASS", value_parser = options::sample_address)]
+    #[arg(long, value_name = "X,Y,INDEX", value_parser = options::sample_address)]
     pub replay: Option<(u32, u32, u64)>,
     /// Show nothing but warnings and errors.
     #[arg(short, long, conflicts_with = "verbose")]
@@ -112,10 +113,10 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     // A name that cannot be written must not cost a render.
     let mut output = output(args, frame, seed)?;
     let (scene, accel) = args.scene.build(description)?;
-    let integrator = session::integrator(args, World { scene: &scene, accel: &accel });
-    let integrator = integrator.as_ref();
-    if let Some((x, y, pass)) = args.replay {
-        let s = replay(&scene, integrator, seed, InvalidSample { x, y, pass });
+    let mut integrator = session::integrator(args, World::new(&scene, &accel));
+    let integrator = integrator.as_mut();
+    if let Some((x, y, index)) = args.replay {
+        let s = replay(&scene, integrator, seed, InvalidSample { x, y, index });
         let radiance = s.radiance.to_array();
         return print(format!("pixel {x},{y} sample {index}: radiance {radiance:?}, filter weight {}\n", s.weight));
     }

@@ -7,11 +7,12 @@ use super::render::{IntegratorChoice, RenderArgs};
 use crate::formats::Loaded;
 use crate::image::metrics::Reference;
 use crate::image::{Window, read_image};
+use crate::integrators::Integrator;
 use crate::integrators::path::{Path, PathSettings};
-use crate::integrators::{Integrator, World};
 use crate::render::Progress;
 use crate::scene::Scene;
 use crate::scene::description::IntegratorDesc;
+use crate::transport::World;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -112,10 +113,10 @@ pub fn remarks(scene: &Scene, integrator: &dyn Integrator, done: &Progress) -> V
         );
     }
     if done.counts.invalid > 0 {
-        let first: Vec<String> = done.invalid.iter().map(|s| format!("{},{},{}", s.x, s.y, s.pass)).collect();
+        let first: Vec<String> = done.invalid.iter().map(|s| format!("{},{},{}", s.x, s.y, s.index)).collect();
         let n = done.counts.invalid;
         out.push(format!(
-            "{n} samples were not finite and left out; --replay x,y,pass shows one of: {}",
+            "{n} samples were not finite and left out; --replay x,y,index shows one of: {}",
             first.join(" ")
         ));
     }
