@@ -175,6 +175,27 @@ impl Bsdf {
         usable.then_some(BsdfSample { wi, weight, pdf_dir, lobe: s.kind, eta: s.eta })
     }
 
+    /// All directions of a smooth material, mirrored and refracted, each with its full value, where [`Self::sample`] would
+    /// choose one by chance. `None` unless the material is a single Dirac lobe.
+    pub fn branches(&self, wo: Vec3, transport: Transport) -> Option<ArrayVec<BsdfSample, 2>> {
+        if !self.rest.is_empty() || !self.first.lobe.is_dirac() {
+            return None;
+        }
+        let mut all = ArrayVec::<BsdfSample, 2>::new();
+        for u_lobe in [0.0, ONE_MINUS_EPSILON] {
+            let Some((s, wi, factor)) = self.first.sample(self.n_geo, wo, u_lobe, Vec2::splat(0.5), transport) else {
+                continue;
+            };
+            let Some((value, _)) = s.dirac else { continue };
+            let weight = value * (self.first.weight * factor);
+            let known = all.last().is_some_and(|first: &BsdfSample| first.wi == wi);
+            if !known && weight.is_finite() && weight.max_element() > 0.0 {
+                all.push(BsdfSample { wi, weight, pdf_dir: 0.0, lobe: s.kind, eta: s.eta });
+            }
+        }
+        Some(all)
+    }
+
     /// Chooses a layer in proportion to its albedo: the layer, its probability, and what is left of the random number.
     fn choose(&self, wo: Vec3, u: f32) -> Option<(&Layer, f32, f32)> {
         if self.rest.is_empty() {

@@ -214,3 +214,32 @@ fn parts_add_up() {
     }
     assert!(diffuse_parts > 100 && rests > 100, "{diffuse_parts} {rests}");
 }
+
+/// The branches of a smooth material are what its samples have on average.
+#[test]
+fn branches_are_the_mean_of_the_samples() {
+    let glass =
+        |tint| Material::Dielectric { eta: 1.5, specular_reflectance: grey(1.0), specular_transmittance: grey(tint) };
+    let mut seen = [0; 3];
+    for materials in [vec![glass(1.0)], vec![glass(0.3)], vec![Material::Null]] {
+        for wo in views() {
+            let bsdf = resolve(&materials, &flat(), wo);
+            let branches = bsdf.branches(wo, Transport::Radiance).expect("a single Dirac lobe");
+            seen[branches.len()] += 1;
+            let n = 20_000;
+            let mut sums = [0.0f64; 2];
+            for i in 0..n {
+                let u = (i as f32 + 0.5) / n as f32;
+                let s = bsdf.sample(wo, u, Vec2::splat(0.5), Transport::Radiance).expect("it scatters");
+                let k = branches.iter().position(|b| b.wi == s.wi).expect("a known direction");
+                sums[k] += f64::from(s.weight.y) / f64::from(n);
+            }
+            for (b, sum) in branches.iter().zip(sums) {
+                assert!((f64::from(b.weight.y) - sum).abs() < 1e-3, "{materials:?} {wo}: {} {sum}", b.weight.y);
+            }
+        }
+    }
+    assert!(seen[1] > 0 && seen[2] > 0, "{seen:?}");
+    let rough = resolve(&[metal(rough(Ggx, 0.4, 0.4))], &flat(), Vec3::Z);
+    assert!(rough.branches(Vec3::Z, Transport::Radiance).is_none());
+}
