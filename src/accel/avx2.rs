@@ -36,7 +36,7 @@ mod fallback {
         }
 
         pub fn walk(self, tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
-            footprint::walk(tree, beam, visitor);
+            footprint::walk::<footprint::Portable>(tree, beam, visitor);
         }
     }
 }
@@ -45,6 +45,7 @@ mod fallback {
 mod x86 {
     use super::super::layout::{Child, Node8, Tri4, View};
     use super::super::traverse::{self, Kernel, Near, Query, TriHits};
+    use super::footprint::{BeamKernel, Sides, Slabs};
     use super::{Beam, Hit, Ray, Tree, Visitor, footprint};
     use std::arch::x86_64::*;
 
@@ -87,7 +88,7 @@ mod x86 {
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     fn walk_avx2(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
-        footprint::walk(tree, beam, visitor);
+        footprint::walk::<Avx2Kernel>(tree, beam, visitor);
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
@@ -100,7 +101,7 @@ mod x86 {
         traverse::occluded::<Avx2Kernel>(tree, ray)
     }
 
-    /// Private to the two functions above. Its methods are always inlined into them, where AVX2 is enabled.
+    /// Private to the three functions above. Its methods are always inlined into them, where AVX2 is enabled.
     struct Avx2Kernel;
 
     impl Kernel for Avx2Kernel {
@@ -129,6 +130,76 @@ mod x86 {
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
             }
         }
+    }
+
+    impl BeamKernel for Avx2Kernel {
+        #[inline(always)]
+        fn boxes(slabs: &Slabs, node: &Node8, limit: f32) -> (u32, Near) {
+            // SAFETY: reached only through `walk_avx2`, which has AVX2 enabled.
+            unsafe { beam_boxes(slabs, node, limit) }
+        }
+
+        #[inline(always)]
+        fn lanes(sides: &Sides, pack: &Tri4) -> u32 {
+            // SAFETY: reached only through `walk_avx2`, which has AVX2 enabled.
+            unsafe { beam_lanes(sides, pack) }
+        }
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn beam_boxes(slabs: &Slabs, node: &Node8, limit: f32) -> (u32, Near) {
+        let row = |index: usize| {
+            debug_assert!(index < 6);
+            // SAFETY: 2 axis + (0 or 1) is below 6. Rows are 32-byte aligned: a node is, and they are its first 6 x 32 bytes.
+            unsafe { _mm256_load_ps(node.bounds.as_ptr().add(index) as *const f32) }
+        };
+        let mut near = _mm256_set1_ps(slabs.tmin);
+        let mut far = _mm256_set1_ps(limit);
+        for axis in 0..3 {
+            let [o_max, o_min] = slabs.o[axis];
+            let [e0, e1] = slabs.enter[axis];
+            let (exit, leave) = slabs.leave[axis];
+            let lo = _mm256_sub_ps(row(2 * axis), _mm256_set1_ps(o_max));
+            let hi = _mm256_sub_ps(row(2 * axis + 1), _mm256_set1_ps(o_min));
+            near = _mm256_max_ps(_mm256_mul_ps(lo, _mm256_set1_ps(e0)), near);
+            near = _mm256_max_ps(_mm256_mul_ps(hi, _mm256_set1_ps(e1)), near);
+            let face = if exit == 0 { lo } else { hi };
+            far = _mm256_min_ps(_mm256_mul_ps(face, _mm256_set1_ps(leave)), far);
+        }
+        let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far));
+        let mut out = Near([0.0; 8]);
+        // SAFETY: `Near` is eight floats, aligned to 32 bytes.
+        unsafe { _mm256_store_ps(out.0.as_mut_ptr(), near) };
+        (mask as u32, out)
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn beam_lanes(sides: &Sides, pack: &Tri4) -> u32 {
+        let row = |axis: usize, o: f32| {
+            // SAFETY: there are three rows, 32-byte aligned: a pack is, and they are its first 3 x 32 bytes.
+            let x = unsafe { _mm256_load_ps(pack.points.as_ptr().add(axis) as *const f32) };
+            _mm256_sub_ps(x, _mm256_set1_ps(o))
+        };
+        let [x, y, z] = [row(0, sides.o.x), row(1, sides.o.y), row(2, sides.o.z)];
+        // SAFETY: twelve bytes of corners are followed by four of the shape: 16 bytes of the pack.
+        let corners = unsafe { _mm_loadu_si128(pack.corners.as_ptr() as *const __m128i) };
+        // Columns as bits; the three vertices of a lane are four bytes apart.
+        let bits = _mm_set1_epi64x(0x80_40_20_10_08_04_02_01_u64 as i64);
+        let of_vertices = _mm_shuffle_epi8(bits, _mm_and_si128(corners, _mm_set1_epi8(7)));
+        let two = _mm_or_si128(of_vertices, _mm_srli_si128::<4>(of_vertices));
+        let of_lanes = _mm_or_si128(two, _mm_srli_si128::<8>(of_vertices));
+        let mut out = _mm_setzero_si128();
+        for (n, slack) in sides.n.iter().zip(&sides.slack) {
+            let xy = _mm256_add_ps(_mm256_mul_ps(_mm256_set1_ps(n.x), x), _mm256_mul_ps(_mm256_set1_ps(n.y), y));
+            let m = _mm256_add_ps(xy, _mm256_mul_ps(_mm256_set1_ps(n.z), z));
+            let inside = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(m, _mm256_set1_ps(-slack)));
+            let of_side = _mm_and_si128(of_lanes, _mm_set1_epi8(inside as i8));
+            out = _mm_or_si128(out, _mm_cmpeq_epi8(of_side, _mm_setzero_si128()));
+        }
+        let outside = _mm_movemask_epi8(out) as u32;
+        footprint::used_lanes(pack) & !outside
     }
 
     #[inline]

@@ -12,7 +12,7 @@
 
 use super::Accel;
 use super::layout::{Child, Node8, Tree, Tri4};
-use super::traverse::sort_descending;
+use super::traverse::{Near, sort_descending};
 use crate::math::Vec3;
 use arrayvec::ArrayVec;
 use std::ops::ControlFlow;
@@ -43,10 +43,13 @@ pub struct Sides {
     pub slack: [f32; 4],
 }
 
-/// What a walk finds.
+/// What a walk finds. `Break` ends the walk.
 pub trait Visitor {
-    /// A primitive the beam may meet. `Break` ends the walk.
-    fn visit(&mut self, shape: u32, prim: u32) -> ControlFlow<()>;
+    /// A triangle of a mesh, or half of a rectangle, that the beam may meet, with its corners.
+    fn triangle(&mut self, shape: u32, prim: u32, corners: [Vec3; 3]) -> ControlFlow<()>;
+
+    /// A sphere, disk or cylinder that the beam may meet.
+    fn quadric(&mut self, shape: u32) -> ControlFlow<()>;
 
     /// The beam's present end: what lies beyond need not be visited.
     fn limit(&self) -> f32;
@@ -60,15 +63,25 @@ const NEAR_SCALE: f32 = 1.0 - 8.0 * f32::EPSILON;
 /// Entries of the stack; the builder limits the depth of trees so that it suffices.
 const STACK: usize = super::traverse::LONG_STACK + 8;
 
+/// The arithmetic of a node and of a pack. Implementations agree bit for bit, as those of rays do.
+pub(super) trait BeamKernel {
+    /// Slots whose box the beam meets before `limit`, as bits, and where it enters.
+    fn boxes(slabs: &Slabs, node: &Node8, limit: f32) -> (u32, Near);
+
+    /// Lanes of a pack that hold a triangle which does not lie outside one of the planes, as bits.
+    fn lanes(sides: &Sides, pack: &Tri4) -> u32;
+}
+
 /// The beam as the slab test wants it: per axis offsets and reciprocals for both faces of a box.
-struct Slabs {
+pub(super) struct Slabs {
     /// Largest and smallest origin.
-    o: [[f32; 2]; 3],
+    pub o: [[f32; 2]; 3],
     /// Factor of (min face - largest origin) and of (max face - smallest origin) for entry; 0 where there is none.
-    enter: [[f32; 2]; 3],
+    pub enter: [[f32; 2]; 3],
     /// Row (0: min face, 1: max face) and factor for exit; NaN where directions differ in sign, which constrains nothing.
-    leave: [(usize, f32); 3],
-    tmin: f32,
+    pub leave: [(usize, f32); 3],
+    /// Start.
+    pub tmin: f32,
 }
 
 impl Slabs {
@@ -78,79 +91,61 @@ impl Slabs {
         if !(finite && beam.tmin <= beam.tmax) {
             return None;
         }
+        let [o, far_o, slow, fast] = [beam.o[0], beam.o[1], beam.d[0], beam.d[1]].map(|v| v.to_array());
+        let [by_slow, by_fast] = [slow, fast].map(|d| d.map(|d| 1.0 / d));
         let mut s =
             Slabs { o: [[0.0; 2]; 3], enter: [[0.0; 2]; 3], leave: [(0, f32::NAN); 3], tmin: beam.tmin.max(0.0) };
         for axis in 0..3 {
-            let (slow, fast) = (beam.d[0][axis], beam.d[1][axis]);
-            s.o[axis] = [beam.o[1][axis], beam.o[0][axis]];
-            if fast > 0.0 {
-                s.enter[axis][0] = NEAR_SCALE / fast;
-            }
-            if slow < 0.0 {
-                s.enter[axis][1] = NEAR_SCALE / slow;
-            }
-            if slow > 0.0 {
-                s.leave[axis] = (1, FAR_SCALE / slow);
-            } else if fast < 0.0 {
-                s.leave[axis] = (0, FAR_SCALE / fast);
-            }
+            let (up, down) = (fast[axis] > 0.0, slow[axis] < 0.0);
+            s.o[axis] = [far_o[axis], o[axis]];
+            s.enter[axis] = [
+                if up { NEAR_SCALE * by_fast[axis] } else { 0.0 },
+                if down { NEAR_SCALE * by_slow[axis] } else { 0.0 },
+            ];
+            s.leave[axis] = match (slow[axis] > 0.0, fast[axis] < 0.0) {
+                (true, _) => (1, FAR_SCALE * by_slow[axis]),
+                (_, true) => (0, FAR_SCALE * by_fast[axis]),
+                _ => (0, f32::NAN),
+            };
         }
         Some(s)
     }
+}
 
-    /// Slots whose box the beam meets, as bits, and where it enters.
+/// The kernel for any processor.
+pub(super) struct Portable;
+
+impl BeamKernel for Portable {
     #[inline(always)]
-    fn boxes(&self, node: &Node8, limit: f32) -> (u32, [f32; 8]) {
-        let mut near = [self.tmin; 8];
+    fn boxes(slabs: &Slabs, node: &Node8, limit: f32) -> (u32, Near) {
+        let mut near = [slabs.tmin; 8];
         let mut far = [limit; 8];
         for axis in 0..3 {
             let (lo, hi) = (&node.bounds[2 * axis], &node.bounds[2 * axis + 1]);
-            let [o_max, o_min] = self.o[axis];
-            let [e0, e1] = self.enter[axis];
-            let (row, leave) = self.leave[axis];
+            let [o_max, o_min] = slabs.o[axis];
+            let [e0, e1] = slabs.enter[axis];
+            let (row, leave) = slabs.leave[axis];
             let face = &node.bounds[2 * axis + row];
             let from = if row == 0 { o_max } else { o_min };
             for i in 0..8 {
                 // Unused slots have infinite faces: 0 * inf is NaN, which constrains nothing, but another axis does.
                 near[i] = larger((lo[i] - o_max) * e0, near[i]);
+                near[i] = larger((hi[i] - o_min) * e1, near[i]);
                 far[i] = smaller((face[i] - from) * leave, far[i]);
             }
-            if e1 != 0.0 {
-                for i in 0..8 {
-                    near[i] = larger((hi[i] - o_min) * e1, near[i]);
-                }
-            }
         }
-        let mut mask = 0;
-        for i in 0..8 {
-            mask |= u32::from(near[i] <= far[i]) << i;
-        }
-        (mask, near)
+        let mask = (0..8).fold(0, |mask, i| mask | u32::from(near[i] <= far[i]) << i);
+        (mask, Near(near))
     }
-}
 
-/// The second operand if the first is NaN.
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// The second operand if the first is NaN.
-#[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-impl Sides {
-    /// Lanes of a pack whose triangle does not lie outside one of the planes, as bits.
     #[inline(always)]
-    fn keeps(&self, pack: &Tri4) -> u32 {
-        let o = self.o;
+    fn lanes(sides: &Sides, pack: &Tri4) -> u32 {
+        let o = sides.o;
         let [xs, ys, zs] = &pack.points;
         // Per lane the columns of its vertices, as bits.
         let vertices: [u8; 4] = std::array::from_fn(|lane| (0..3).fold(0, |m, v| m | 1 << (pack.corners[v][lane] & 7)));
         let mut kept = used_lanes(pack);
-        for (n, slack) in self.n.iter().zip(&self.slack) {
+        for (n, slack) in sides.n.iter().zip(&sides.slack) {
             let mut inside = 0u8;
             for i in 0..8 {
                 let m = n.x * (xs[i] - o.x) + n.y * (ys[i] - o.y) + n.z * (zs[i] - o.z);
@@ -164,9 +159,21 @@ impl Sides {
     }
 }
 
+/// The second operand if the first is NaN or both are equal.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The second operand if the first is NaN or both are equal.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 /// Lanes of a pack that hold a triangle, as bits.
 #[inline(always)]
-fn used_lanes(pack: &Tri4) -> u32 {
+pub(super) fn used_lanes(pack: &Tri4) -> u32 {
     (0..4).fold(0, |m, i| m | u32::from(pack.prim[i] != u32::MAX) << i)
 }
 
@@ -177,26 +184,26 @@ impl Accel {
     pub fn walk(&self, beam: &Beam, visitor: &mut impl Visitor) {
         match self.avx2 {
             Some(avx2) => avx2.walk(&self.tree, beam, visitor),
-            None => walk(&self.tree, beam, visitor),
+            None => walk::<Portable>(&self.tree, beam, visitor),
         }
     }
 }
 
-/// The walk itself; compiled for AVX2 as well, with the same operations.
+/// The walk itself.
 #[inline(always)]
-pub(super) fn walk(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
-    let (Some(slabs), Some(root)) = (Slabs::new(beam), tree.nodes.first()) else { return };
+pub(super) fn walk<K: BeamKernel>(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
+    let (Some(slabs), tree) = (Slabs::new(beam), tree.view()) else { return };
+    let Some(mut node) = tree.nodes.first() else { return };
     let mut stack = ArrayVec::<u64, STACK>::new();
-    let mut node = root;
     loop {
         let limit = visitor.limit().min(f32::MAX) * FAR_SCALE;
-        let (mut mask, near) = slabs.boxes(node, limit);
+        let (mut mask, near) = K::boxes(&slabs, node, limit);
         let base = stack.len();
         while mask != 0 {
             let slot = mask.trailing_zeros() as usize & 7;
             mask &= mask - 1;
             if node.children[slot] != Child::NONE {
-                stack.push(u64::from(near[slot].to_bits()) << 32 | u64::from(node.children[slot].0));
+                stack.push(u64::from(near.0[slot].to_bits()) << 32 | u64::from(node.children[slot].0));
             }
         }
         sort_descending(&mut stack[base..]);
@@ -212,20 +219,21 @@ pub(super) fn walk(tree: &Tree, beam: &Beam, visitor: &mut impl Visitor) {
                 break;
             }
             if child.is_quadric() {
-                if visitor.visit(tree.quadrics[child.index()].shape, 0).is_break() {
+                if visitor.quadric(tree.quadrics[child.index()].shape).is_break() {
                     return;
                 }
                 continue;
             }
             let pack = &tree.tris[child.index()];
             let mut lanes = match &beam.sides {
-                Some(sides) => sides.keeps(pack),
+                Some(sides) => K::lanes(sides, pack),
                 None => used_lanes(pack),
             };
             while lanes != 0 {
                 let i = lanes.trailing_zeros() as usize & 3;
                 lanes &= lanes - 1;
-                if visitor.visit(pack.shape, pack.prim[i]).is_break() {
+                let corner = |v: usize| Vec3::new(pack.vertex(i, v, 0), pack.vertex(i, v, 1), pack.vertex(i, v, 2));
+                if visitor.triangle(pack.shape, pack.prim[i], [corner(0), corner(1), corner(2)]).is_break() {
                     return;
                 }
             }

@@ -45,7 +45,7 @@ impl Chord {
         let e2 = e[0] * e[0] + e[1] * e[1];
         let u = if e2 > 0.0 { (-(a[0] * e[0] + a[1] * e[1]) / e2).clamp(0.0, 1.0) } else { 0.0 };
         let q = self.at(u);
-        q[0].hypot(q[1])
+        (q[0] * q[0] + q[1] * q[1]).sqrt()
     }
 }
 
@@ -61,7 +61,7 @@ pub fn clip(view: &View, a: &Point, b: &Point) -> Option<Chord> {
         let f = |q: &Point| l[0] * q[0] + l[1] * q[1] + l[2] * q[2];
         keep(f(a), f(b), &mut s);
     }
-    let [near, far] = view.t.map(|t| view.key(t));
+    let [near, far] = view.keys;
     if near.is_finite() {
         keep(a[3] - near * a[0], b[3] - near * b[0], &mut s);
     }

@@ -87,7 +87,7 @@ impl<'a> Detection<'a> {
     fn shows(&self, chord: &Chord, outward: [f64; 2], owners: [Option<Owner>; 2]) -> bool {
         let (view, shadow) = (self.view, self.mode == Mode::Shadow);
         let chord = if shadow { chord.shifted(outward.map(|x| x * BEYOND)) } else { *chord };
-        let (near, far) = (view.key(view.t[0]), view.key(view.t[1]));
+        let [near, far] = view.keys;
         let tolerance = view.tolerance(chord.key);
         let mut gaps = Gaps::all();
         if let (true, Some(h)) = (shadow, &self.horizon) {
@@ -110,7 +110,7 @@ impl<'a> Detection<'a> {
                 let behind = |k: usize| chord.key[k] - tolerance - keys[k];
                 keep(behind(0), behind(1), &mut s);
             }
-            for side in &polygon.sides {
+            for side in polygon.sides() {
                 if s[0] >= s[1] {
                     break;
                 }
@@ -152,8 +152,8 @@ impl<'a> Detection<'a> {
             return false;
         }
         let Some(p) = line_in_square(&h, self.view.domain) else { return false };
-        let norm = h[1].hypot(h[2]);
-        let key = self.view.key(self.view.t[1]);
+        let norm = length(&h);
+        let key = self.view.keys[1];
         let chord = Chord { p, key: [key; 2] };
         self.offer(Kinds::HORIZON, chord, [h[1] / norm, h[2] / norm], [None; 2])
     }
@@ -164,15 +164,16 @@ impl<'a> Detection<'a> {
             if self.test != Test::Bounds && !self.corners_differ(polygon) {
                 continue;
             }
-            for k in 0..polygon.sides.len() {
+            for k in 0..polygon.sides().len() {
                 if !polygon.crosses(k) {
                     continue;
                 }
                 let Some(kind) = self.edge_kind(polygon, k) else { continue };
-                let (a, b) = (&polygon.corners[k], &polygon.corners[(k + 1) % polygon.corners.len()]);
+                let corners = polygon.corners();
+                let (a, b) = (&corners[k], &corners[(k + 1) % corners.len()]);
                 let Some(chord) = clip(self.view, a, b) else { continue };
-                let side = &polygon.sides[k];
-                let norm = -side[1].hypot(side[2]);
+                let side = &polygon.sides()[k];
+                let norm = -length(side);
                 if self.offer(kind, chord, [side[1] / norm, side[2] / norm], [Some(Owner::Polygon(i)), None]) {
                     return true;
                 }
@@ -187,9 +188,9 @@ impl<'a> Detection<'a> {
         let Test::Corners(neighbours) = self.test else { return true };
         let expansion =
             |l: &Affine| Expansion { order: 1, value: l[0], gradient: [l[1], l[2]], hessian: [[0.0; 2]; 2] };
-        let live: arrayvec::ArrayVec<_, 4> = (0..polygon.sides.len())
+        let live: arrayvec::ArrayVec<_, 4> = (0..polygon.sides().len())
             .filter(|&k| self.edge_kind(polygon, k).is_some())
-            .map(|k| expansion(&polygon.sides[k]))
+            .map(|k| expansion(&polygon.sides()[k]))
             .collect();
         corners_inside(&live, neighbours)
     }
@@ -212,7 +213,7 @@ impl<'a> Detection<'a> {
         let (a, b) = (corners[k], corners[(k + 1) % 3]);
         let far = mesh.corners(neighbour).into_iter().find(|c| *c != a && *c != b)?;
         let x = self.view.project_f32(far);
-        let l = &polygon.sides[k];
+        let l = &polygon.sides()[k];
         let side = polygon.side_of(k, &x);
         let size = (l[0] * x[0]).abs() + (l[1] * x[1]).abs() + (l[2] * x[2]).abs();
         if side >= -1e-12 * size {
@@ -279,11 +280,17 @@ impl<'a> Detection<'a> {
 
     /// Whether any surface is met by the ray at p.
     pub fn is_met(&self, p: [f64; 2]) -> bool {
-        let keys = self.view.t.map(|t| self.view.key(t));
+        let keys = self.view.keys;
         let in_range = |key: f64| key > keys[0] && key < keys[1];
         self.surfaces.polygons.iter().any(|s| s.contains(p) && in_range(at(&s.key, p)))
             || self.surfaces.curved.iter().any(|s| s.hit(self.view, p).is_some())
     }
+}
+
+/// Length of the gradient.
+#[inline(always)]
+pub(super) fn length(l: &Affine) -> f64 {
+    (l[1] * l[1] + l[2] * l[2]).sqrt()
 }
 
 /// The part of a line (an affine function's zero set) inside the square and the domain.

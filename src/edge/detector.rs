@@ -1,7 +1,7 @@
 //! The detector: one question for all users. Does anything visible change inside this footprint?
 
 use super::detect::{Detection, Mode, NOTHING};
-use super::gather::{Facet, Gather, Surfaces};
+use super::gather::{Facet, Surfaces};
 use super::kinds::{Events, Kinds, LightVerdict, Verdict};
 use super::view::{View, range};
 use crate::accel::Accel;
@@ -16,7 +16,7 @@ pub struct Settings {
     pub test: Test,
     /// Order of the expansions of curved edges, 1 or 2. (Straight edges are exact at order 1.)
     pub order: usize,
-    /// Number of surfaces in a footprint above which it counts as busy, at most 128.
+    /// Number of live edges in a footprint above which it counts as busy.
     pub busy: usize,
 }
 
@@ -35,7 +35,7 @@ pub struct EdgeDetector<'a> {
     pub accel: &'a Accel,
     /// Settings.
     pub settings: Settings,
-    passable: bool,
+    pub(super) passable: bool,
     reach: f32,
 }
 
@@ -63,23 +63,19 @@ impl<'a> EdgeDetector<'a> {
     }
 
     #[inline(always)]
-    fn gather<'b>(
-        &'b self,
-        view: &'b View,
-        mode: Mode,
-        exclude: [Option<Facet>; 2],
-        ground: Option<[DVec3; 2]>,
-    ) -> Gather<'b> {
-        let Settings { test, order, busy } = self.settings;
-        let Self { scene, passable, .. } = *self;
-        Gather { scene, view, exclude, test, order, busy, passable, mode, ground }
-    }
-
     fn sight(&self, view: &View, exclude: Option<Facet>, all: bool) -> Verdict {
         let beam = view.beam(self.reach);
-        let mut surfaces = self.gather(view, Mode::Sight, [exclude, None], None).start(beam.tmax);
+        let mut surfaces = Surfaces::new(self, view, Mode::Sight, [exclude, None], None, beam.tmax);
         self.accel.walk(&beam, &mut surfaces);
         let surfaces = &surfaces;
+        if surfaces.trouble == Kinds::NONE && surfaces.curved.is_empty() {
+            // Most footprints: one flat surface, or nothing.
+            match &surfaces.polygons[..] {
+                [] => return Verdict::Clear,
+                [one] if one.crossing == 0 => return Verdict::Clear,
+                _ => {}
+            }
+        }
         let found = self.look(view, surfaces, Mode::Sight, None, all).found;
         let found = Events { kinds: found.kinds | surfaces.trouble, ..found };
         if surfaces.trouble != Kinds::NONE {
@@ -115,11 +111,15 @@ impl<'a> EdgeDetector<'a> {
             return LightVerdict::Blocked;
         }
         let beam = view.beam(self.reach);
-        let mut surfaces = self.gather(view, Mode::Shadow, exclude, n.map(|n| [n, view.origin()])).start(beam.tmax);
+        let mut surfaces = Surfaces::new(self, view, Mode::Shadow, exclude, n, beam.tmax);
         self.accel.walk(&beam, &mut surfaces);
         let surfaces = &surfaces;
         if surfaces.covered {
             return LightVerdict::Blocked;
+        }
+        let flat = surfaces.polygons.is_empty() && surfaces.curved.is_empty();
+        if flat && surfaces.trouble == Kinds::NONE && horizon.is_none_or(|h| range(&h).0 >= 0.0) {
+            return LightVerdict::Visible;
         }
         let detection = self.look(view, surfaces, Mode::Shadow, horizon, all);
         let found = Events { kinds: detection.found.kinds | surfaces.trouble, ..detection.found };

@@ -1,21 +1,21 @@
 //! All surfaces that reach a footprint, found by one walk.
 
+use super::EdgeDetector;
 use super::curved::{CORNERS, Curved};
 use super::detect::Mode;
 use super::kinds::Kinds;
 use super::polygon::Polygon;
 use super::view::{View, range};
 use crate::accel::footprint::Visitor;
-use crate::math::DVec3;
-use crate::scene::{Geometry, Scene};
-use arrayvec::ArrayVec;
-use dualux_dual::Test;
+use crate::math::{DVec3, Vec3};
+use crate::scene::{Geometry, Shape};
+use smallvec::SmallVec;
 use std::ops::ControlFlow;
 
-/// Most polygons looked at one by one.
-pub const MOST_POLYGONS: usize = 128;
-/// Most curved surfaces looked at one by one.
-pub const MOST_CURVED: usize = 24;
+/// Most surfaces of a footprint that are looked at one by one.
+pub const MOST_SURFACES: usize = 128;
+/// Polygons kept without asking for memory.
+const FEW_POLYGONS: usize = 10;
 
 /// Where rays start: neither hit nor counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,97 +26,87 @@ pub struct Facet {
     pub prim: u32,
 }
 
-/// The surfaces found.
+impl Facet {
+    /// No facet: no scene has that many shapes.
+    pub const NONE: Facet = Facet { shape: u32::MAX, prim: u32::MAX };
+}
+
+/// What to gather, and the surfaces found.
 pub struct Surfaces<'a> {
-    scene: &'a Scene,
-    view: &'a View,
-    exclude: [Option<Facet>; 2],
-    test: Test,
-    order: usize,
-    passable: bool,
-    mode: Mode,
-    ground: Option<[DVec3; 2]>,
-    busy: usize,
-    limit: f32,
+    /// Scene and settings.
+    pub detector: &'a EdgeDetector<'a>,
+    /// Footprint.
+    pub view: &'a View,
+    /// What is asked: of what is seen, all that lies behind a surface which covers the footprint is left out; a light behind
+    /// such a surface is blocked.
+    pub mode: Mode,
+    /// Not to be counted.
+    pub exclude: [Facet; 2],
+    /// Normal of the plane the rays start from: what lies in it cannot be met.
+    pub ground: Option<DVec3>,
+    /// The beam's present end.
+    pub limit: f32,
     /// Triangles and rectangles.
-    pub polygons: ArrayVec<Polygon, MOST_POLYGONS>,
+    pub polygons: SmallVec<[Polygon; FEW_POLYGONS]>,
     /// The others.
-    pub curved: ArrayVec<Curved, MOST_CURVED>,
+    pub curved: SmallVec<[Curved; 2]>,
     /// Shadow: one surface hides all of the far end.
     pub covered: bool,
     /// `BUSY` if there are too many, `UNKNOWN` if one lets rays pass.
     pub trouble: Kinds,
 }
 
-/// What to gather.
-pub struct Gather<'a> {
-    /// Scene.
-    pub scene: &'a Scene,
-    /// Footprint.
-    pub view: &'a View,
-    /// Not to be counted.
-    pub exclude: [Option<Facet>; 2],
-    /// Footprint test of curved borders.
-    pub test: Test,
-    /// Order of expansions.
-    pub order: usize,
-    /// Whether any material of the scene lets rays pass.
-    pub passable: bool,
-    /// What is asked: of what is seen, all that lies behind a surface which covers the footprint is left out; a light behind
-    /// such a surface is blocked.
-    pub mode: Mode,
-    /// Normal and point of the plane the rays start from: what lies in it cannot be met.
-    pub ground: Option<[DVec3; 2]>,
-    /// Number of surfaces that counts as too many.
-    pub busy: usize,
-}
-
-impl<'a> Gather<'a> {
+impl<'a> Surfaces<'a> {
     /// Nothing found yet, for a walk with a beam that ends at `limit`. Inlined, so that the lists are made where they stay.
     #[inline(always)]
-    pub fn start(self, limit: f32) -> Surfaces<'a> {
+    pub fn new(
+        detector: &'a EdgeDetector<'a>,
+        view: &'a View,
+        mode: Mode,
+        exclude: [Option<Facet>; 2],
+        ground: Option<DVec3>,
+        limit: f32,
+    ) -> Self {
         Surfaces {
-            scene: self.scene,
-            view: self.view,
-            exclude: self.exclude,
-            test: self.test,
-            order: self.order,
-            passable: self.passable,
-            mode: self.mode,
-            ground: self.ground,
-            busy: self.busy,
-            covered: false,
+            detector,
+            view,
+            mode,
+            exclude: [exclude[0].unwrap_or(Facet::NONE), exclude[1].unwrap_or(Facet::NONE)],
+            ground,
             limit,
-            polygons: ArrayVec::new(),
-            curved: ArrayVec::new(),
+            polygons: SmallVec::new(),
+            curved: SmallVec::new(),
+            covered: false,
             trouble: Kinds::NONE,
         }
     }
-}
 
-impl Surfaces<'_> {
     #[inline(always)]
-    fn polygon<const N: usize>(&mut self, shape: u32, prim: u32, points: &[DVec3; N]) -> ControlFlow<()> {
-        let Some(polygon) = Polygon::new(self.view, shape, prim, points) else {
+    fn polygon<const N: usize>(
+        &mut self,
+        shape: &Shape,
+        index: u32,
+        prim: u32,
+        points: &[DVec3; N],
+    ) -> ControlFlow<()> {
+        let Some(polygon) = Polygon::new(self.view, index, prim, points) else {
             return ControlFlow::Continue(());
         };
-        if self.ground.is_some_and(|[n, p]| in_plane(n, p, points)) {
+        if self.ground.is_some_and(|n| in_plane(n, self.view.origin(), points)) {
             return ControlFlow::Continue(());
         }
         // The plane's key is affine: the farthest point is a corner.
-        let farthest = range(&polygon.key).1;
-        if polygon.covers && self.covered_at(shape, self.view.t_of(farthest)).is_break() {
+        if polygon.covers && self.covered_at(shape, self.view.t_of(range(&polygon.key).1)).is_break() {
             return ControlFlow::Break(());
         }
-        if self.polygons.len() + self.curved.len() >= self.busy {
-            return self.busy();
-        }
-        self.polygons.try_push(polygon).map_or_else(|_| self.busy(), |()| ControlFlow::Continue(()))
+        self.polygons.push(polygon);
+        self.found(shape)
     }
 
     /// Notes that a surface covers the footprint at distances up to t.
-    fn covered_at(&mut self, shape: u32, t: f64) -> ControlFlow<()> {
-        if self.passable && self.scene.passes_light[self.scene.shapes[shape as usize].material as usize] {
+    #[inline(always)]
+    fn covered_at(&mut self, shape: &Shape, t: f64) -> ControlFlow<()> {
+        if self.passes(shape) {
             return ControlFlow::Continue(());
         }
         if self.mode == Mode::Shadow {
@@ -130,7 +120,21 @@ impl Surfaces<'_> {
         ControlFlow::Continue(())
     }
 
-    fn busy(&mut self) -> ControlFlow<()> {
+    /// Whether rays may pass a surface.
+    #[inline(always)]
+    fn passes(&self, shape: &Shape) -> bool {
+        self.detector.passable && self.detector.scene.passes_light[shape.material as usize]
+    }
+
+    /// After a surface has been added.
+    #[inline(always)]
+    fn found(&mut self, shape: &Shape) -> ControlFlow<()> {
+        if self.passes(shape) {
+            self.trouble |= Kinds::UNKNOWN;
+        }
+        if self.polygons.len() + self.curved.len() <= MOST_SURFACES {
+            return ControlFlow::Continue(());
+        }
         self.trouble |= Kinds::BUSY;
         ControlFlow::Break(())
     }
@@ -144,49 +148,38 @@ fn in_plane(n: DVec3, p: DVec3, points: &[DVec3]) -> bool {
 }
 
 impl Visitor for Surfaces<'_> {
-    #[inline]
-    fn visit(&mut self, index: u32, prim: u32) -> ControlFlow<()> {
-        let shape = &self.scene.shapes[index as usize];
-        let (before, curved_before) = (self.polygons.len(), self.curved.len());
-        let excluded = |prim: Option<u32>| {
-            self.exclude.iter().flatten().any(|f| f.shape == index && prim.is_none_or(|p| p == f.prim))
-        };
-        let flow = match &shape.geometry {
-            Geometry::Mesh(mesh) => {
-                if excluded(Some(prim)) {
-                    return ControlFlow::Continue(());
-                }
-                self.polygon(index, prim, &mesh.corners(prim).map(|p| p.as_dvec3()))
+    #[inline(always)]
+    fn triangle(&mut self, index: u32, prim: u32, [a, b, c]: [Vec3; 3]) -> ControlFlow<()> {
+        let shape = &self.detector.scene.shapes[index as usize];
+        if let Geometry::Rectangle(r) = &shape.geometry {
+            if self.exclude.iter().any(|f| f.shape == index) || self.polygons.iter().any(|p| p.shape == index) {
+                return ControlFlow::Continue(());
             }
-            Geometry::Rectangle(r) => {
-                if excluded(None) || self.polygons.iter().any(|p| p.shape == index) {
-                    return ControlFlow::Continue(());
-                }
-                let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
-                self.polygon(index, Polygon::RECTANGLE, &[c - x - y, c + x - y, c + x + y, c - x + y])
-            }
-            _ => {
-                if excluded(None) {
-                    return ControlFlow::Continue(());
-                }
-                match Curved::new(self.view, shape, self.test, self.order) {
-                    None => ControlFlow::Continue(()),
-                    Some(curved) => {
-                        // Convex in (p, key): the farthest point of its front is at a corner.
-                        let far = |c: &Curved| CORNERS.iter().filter_map(|p| c.hit(self.view, *p)).fold(0.0, f64::max);
-                        if curved.covers && self.covered_at(index, far(&curved)).is_break() {
-                            return ControlFlow::Break(());
-                        }
-                        self.curved.try_push(curved).map_or_else(|_| self.busy(), |()| ControlFlow::Continue(()))
-                    }
-                }
-            }
-        };
-        let found = self.polygons.len() > before || self.curved.len() > curved_before;
-        if found && self.passable && self.scene.passes_light[shape.material as usize] {
-            self.trouble |= Kinds::UNKNOWN;
+            let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
+            return self.polygon(shape, index, Polygon::RECTANGLE, &[c - x - y, c + x - y, c + x + y, c - x + y]);
         }
-        flow
+        if self.exclude.contains(&Facet { shape: index, prim }) {
+            return ControlFlow::Continue(());
+        }
+        self.polygon(shape, index, prim, &[a.as_dvec3(), b.as_dvec3(), c.as_dvec3()])
+    }
+
+    fn quadric(&mut self, index: u32) -> ControlFlow<()> {
+        let shape = &self.detector.scene.shapes[index as usize];
+        if self.exclude.iter().any(|f| f.shape == index) {
+            return ControlFlow::Continue(());
+        }
+        let settings = &self.detector.settings;
+        let Some(curved) = Curved::new(self.view, shape, settings.test, settings.order) else {
+            return ControlFlow::Continue(());
+        };
+        // Convex in (p, key): the farthest point of its front is at a corner.
+        let far = |c: &Curved| CORNERS.iter().filter_map(|p| c.hit(self.view, *p)).fold(0.0, f64::max);
+        if curved.covers && self.covered_at(shape, far(&curved)).is_break() {
+            return ControlFlow::Break(());
+        }
+        self.curved.push(curved);
+        self.found(shape)
     }
 
     #[inline(always)]

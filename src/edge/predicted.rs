@@ -173,20 +173,20 @@ impl<const N: usize> Predictor<'_, N> {
     }
 }
 
+impl<const N: usize> Predictor<'_, N> {
+    fn excluded(&self, shape: u32, prim: Option<u32>) -> bool {
+        self.exclude.is_some_and(|f| f.shape == shape && prim.is_none_or(|p| f.prim == p))
+    }
+
+    fn enough(&self) -> ControlFlow<()> {
+        if self.trouble == Kinds::NONE { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+}
+
 impl<const N: usize> Visitor for Predictor<'_, N> {
-    fn visit(&mut self, index: u32, prim: u32) -> ControlFlow<()> {
-        let shape = &self.scene.shapes[index as usize];
-        let mesh = matches!(shape.geometry, Geometry::Mesh(_));
-        if self.exclude.is_some_and(|f| f.shape == index && (!mesh || f.prim == prim)) {
-            return ControlFlow::Continue(());
-        }
-        match &shape.geometry {
-            Geometry::Mesh(m) => {
-                let points = m.corners(prim).map(|p| p.as_dvec3());
-                self.covers(&points);
-                self.mesh_edges(index, prim, &points);
-            }
-            Geometry::Rectangle(r) => {
+    fn triangle(&mut self, index: u32, prim: u32, corners: [crate::math::Vec3; 3]) -> ControlFlow<()> {
+        match &self.scene.shapes[index as usize].geometry {
+            Geometry::Rectangle(r) if !self.excluded(index, None) => {
                 let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
                 let points = [c - x - y, c + x - y, c + x + y, c - x + y];
                 self.covers(&points);
@@ -194,9 +194,21 @@ impl<const N: usize> Visitor for Predictor<'_, N> {
                     self.segment(Kinds::BOUNDARY, index, points[k], points[(k + 1) % 4]);
                 }
             }
-            _ => self.curved(index),
+            Geometry::Mesh(_) if !self.excluded(index, Some(prim)) => {
+                let points = corners.map(|p| p.as_dvec3());
+                self.covers(&points);
+                self.mesh_edges(index, prim, &points);
+            }
+            _ => {}
         }
-        if self.trouble == Kinds::NONE { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        self.enough()
+    }
+
+    fn quadric(&mut self, index: u32) -> ControlFlow<()> {
+        if !self.excluded(index, None) {
+            self.curved(index);
+        }
+        self.enough()
     }
 
     fn limit(&self) -> f32 {

@@ -91,8 +91,7 @@ pub fn emission_truth(detector: &EdgeDetector, cells: &Unrolled, n: usize) -> Ve
     let size = cells.size();
     let start = 1e-6 * f64::from(detector.scene.bounds.1);
     let one = |i: u32| {
-        let mut view = cells.view(i % size, i / size)?;
-        view.t[0] = start;
+        let view = cells.view(i % size, i / size)?.within([start, f64::INFINITY]);
         Some(oracle::sight(detector.scene, detector.accel, &view, n))
     };
     (0..size * size).into_par_iter().map(one).collect()

@@ -6,7 +6,7 @@
 
 use super::chord::{Chord, keep, keep_affine};
 use super::curved::{Circle, Surface, arcs};
-use super::detect::{Detection, Mode, Owner, line_in_square};
+use super::detect::{Detection, Mode, Owner, length, line_in_square};
 use super::kinds::Kinds;
 use super::polygon::Polygon;
 use super::view::{Affine, at, from_dual, range, to_dual};
@@ -57,10 +57,10 @@ impl Detection<'_> {
         let (a, b) = (&self.surfaces.polygons[i], &self.surfaces.polygons[j]);
         let whole = Chord { p, key: p.map(|p| at(&a.key, p)) };
         let mut s = [0.0, 1.0];
-        for side in a.sides.iter().chain(&b.sides) {
+        for side in a.sides().iter().chain(b.sides()) {
             keep_affine(&whole, side, 0.0, &mut s);
         }
-        let (near, far) = (self.view.key(self.view.t[0]), self.view.key(self.view.t[1]));
+        let [near, far] = self.view.keys;
         keep(far - whole.key[0], far - whole.key[1], &mut s);
         if near.is_finite() {
             keep(whole.key[0] - near, whole.key[1] - near, &mut s);
@@ -90,7 +90,7 @@ impl Detection<'_> {
             let mut s = [0.0, 1.0];
             for owner in owners {
                 if let Owner::Polygon(i) = owner {
-                    for side in &self.surfaces.polygons[i].sides {
+                    for side in self.surfaces.polygons[i].sides() {
                         keep_affine(chord, side, 0.0, &mut s);
                     }
                 }
@@ -108,7 +108,7 @@ impl Detection<'_> {
         if self.mode == Mode::Sight || self.view.t[1] == f64::INFINITY {
             return false;
         }
-        let far = self.view.key(self.view.t[1]);
+        let far = self.view.keys[1];
         for i in 0..self.surfaces.polygons.len() {
             let polygon = &self.surfaces.polygons[i];
             let before = [far - polygon.key[0], -polygon.key[1], -polygon.key[2]];
@@ -119,13 +119,13 @@ impl Detection<'_> {
             let Some(p) = line_in_square(&before, self.view.domain) else { continue };
             let whole = Chord { p, key: [far; 2] };
             let mut s = [0.0, 1.0];
-            for side in &polygon.sides {
+            for side in polygon.sides() {
                 keep_affine(&whole, side, 0.0, &mut s);
             }
             if s[1] - s[0] < 1e-6 {
                 continue;
             }
-            let norm = -before[1].hypot(before[2]);
+            let norm = -length(&before);
             let chord = Chord { p: s.map(|s| whole.at(s)), key: [far; 2] };
             let owner = [Some(Owner::Polygon(i)), None];
             if self.offer(Kinds::SWAP, chord, [before[1] / norm, before[2] / norm], owner) {

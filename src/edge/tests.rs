@@ -134,8 +134,12 @@ fn projected_lines_are_the_dual_margins() {
 struct All(BTreeSet<(u32, u32)>);
 
 impl Visitor for All {
-    fn visit(&mut self, shape: u32, prim: u32) -> ControlFlow<()> {
+    fn triangle(&mut self, shape: u32, prim: u32, _: [Vec3; 3]) -> ControlFlow<()> {
         self.0.insert((shape, prim));
+        ControlFlow::Continue(())
+    }
+    fn quadric(&mut self, shape: u32) -> ControlFlow<()> {
+        self.0.insert((shape, 0));
         ControlFlow::Continue(())
     }
     fn limit(&self) -> f32 {
@@ -166,6 +170,48 @@ fn the_walk_visits_whatever_a_ray_of_the_beam_meets() {
         assert!(found.0.len() <= scene.shapes.len() + 12);
     }
     assert!(met > 5000, "{met}");
+}
+
+/// Visits in order.
+#[derive(Default)]
+struct Sequence(Vec<(u32, u32, [Vec3; 3])>);
+
+impl Visitor for Sequence {
+    fn triangle(&mut self, shape: u32, prim: u32, corners: [Vec3; 3]) -> ControlFlow<()> {
+        self.0.push((shape, prim, corners));
+        ControlFlow::Continue(())
+    }
+    fn quadric(&mut self, shape: u32) -> ControlFlow<()> {
+        self.0.push((shape, u32::MAX, [Vec3::ZERO; 3]));
+        ControlFlow::Continue(())
+    }
+    fn limit(&self) -> f32 {
+        5.0
+    }
+}
+
+#[test]
+fn the_walk_is_the_same_for_all_instructions() {
+    let mut rng = Rng(7, 0);
+    let (scene, accel) = scene(soup(&mut rng, 300, 5));
+    let portable = Accel::with_simd(&scene.shapes, crate::accel::Simd::Portable);
+    let mut visits = 0;
+    for _ in 0..1500 {
+        let half = 10f64.powf(rng.range(-4.0, 0.3));
+        let (o, aim) = (rng.cube(4.0), rng.cube(3.0));
+        let beam = random_view(&mut rng, o, aim, half).beam(10.0);
+        let (mut a, mut b) = (Sequence::default(), Sequence::default());
+        accel.walk(&beam, &mut a);
+        portable.walk(&beam, &mut b);
+        assert_eq!(a.0, b.0);
+        visits += a.0.len();
+        for (shape, prim, corners) in a.0 {
+            if let crate::scene::Geometry::Mesh(mesh) = &scene.shapes[shape as usize].geometry {
+                assert_eq!(mesh.corners(prim), corners, "the pack's corners are the mesh's, in order");
+            }
+        }
+    }
+    assert!(visits > 3000, "{visits}");
 }
 
 /// Recall and precision of `any` against the oracle, over random footprints of one origin.

@@ -43,7 +43,8 @@ pub struct View {
     pub perspective: bool,
     /// A half-plane of the footprint outside of which nothing counts (a triangular light).
     pub domain: Option<Affine>,
-    o: DVec3,
+    /// Depth keys of the range's ends.
+    pub keys: [f64; 2],
     rows: [DVec3; 3],
 }
 
@@ -78,26 +79,27 @@ impl View {
         }
         let rows = [a.cross(b), b.cross(d), d.cross(a)];
         let inv = 1.0 / d.dot(rows[0]);
-        inv.is_finite().then(|| View {
-            family,
-            t,
-            perspective,
-            domain: None,
-            o: from_dual(family.o),
-            rows: rows.map(|r| r * inv),
-        })
+        let keys = if perspective { t.map(|t| -1.0 / t) } else { t };
+        let rows = [rows[0] * inv, rows[1] * inv, rows[2] * inv];
+        inv.is_finite().then_some(View { family, t, perspective, domain: None, keys, rows })
+    }
+
+    /// The same rays with another range.
+    pub fn within(self, t: [f64; 2]) -> Self {
+        View { t, keys: t.map(|t| self.key(t)), ..self }
     }
 
     /// Origin of the centre ray.
+    #[inline(always)]
     pub fn origin(&self) -> DVec3 {
-        self.o
+        from_dual(self.family.o)
     }
 
     /// The projected point.
     #[inline(always)]
     pub fn project(&self, x: DVec3) -> Point {
-        let v = x - self.o;
-        let [a, b, c] = self.rows.map(|r| r.dot(v));
+        let v = x - self.origin();
+        let [a, b, c] = [self.rows[0].dot(v), self.rows[1].dot(v), self.rows[2].dot(v)];
         if self.perspective { [a, b, c, -1.0] } else { [1.0, b, c, a] }
     }
 
@@ -140,14 +142,14 @@ impl View {
     /// Which way a plane with normal `n` through `x` faces: positive towards the rays' origin.
     #[inline(always)]
     pub fn facing(&self, n: DVec3, x: DVec3) -> f64 {
-        if self.perspective { n.dot(self.o - x) } else { -n.dot(from_dual(self.family.d)) }
+        if self.perspective { n.dot(self.origin() - x) } else { -n.dot(from_dual(self.family.d)) }
     }
 
     /// The beam that holds all rays. `reach`: largest coordinate of the scene, which sets what rounding is.
     #[inline(always)]
     pub fn beam(&self, reach: f32) -> Beam {
         let mut beam = beam(&self.family, self.t);
-        let o = self.o.as_vec3();
+        let o = self.origin().as_vec3();
         let [_, x, y] = self.rows;
         let planes = if self.perspective {
             [self.rows[0] - x, self.rows[0] + x, self.rows[0] - y, self.rows[0] + y]
