@@ -13,6 +13,8 @@ use super::Vec2;
 const SOBOL_GROUPS: u32 = 5;
 /// Length of one sequence; indices beyond continue in a sequence with another scramble.
 const SOBOL_LENGTH_LOG2: u32 = 16;
+/// Groups of four dimensions that the sequence has.
+const SOBOL_SETS_LOG2: u32 = 6;
 
 /// Mixes two words into one (a 64-bit finaliser after Stafford, variant 13).
 pub fn hash(a: u64, b: u64) -> u64 {
@@ -31,6 +33,14 @@ pub fn unit_f32(x: u64) -> f32 {
 fn two_units(x: u64) -> [f32; 2] {
     const SCALE: f32 = 1.0 / (1u64 << 24) as f32;
     [(x >> 40) as f32 * SCALE, ((x >> 8) & 0xff_ffff) as f32 * SCALE]
+}
+
+/// `u` with 24 more bits, hashed from all three numbers: 24 alone would resolve the bins of a table of 100,000 entries to 1
+/// in 168 only, a bias of its probabilities.
+pub fn refine(u: f32, other: Vec2) -> f64 {
+    let key = (other.x.to_bits() as u64) << 32 | other.y.to_bits() as u64;
+    let more = (hash(key, u.to_bits() as u64) >> 40) as f64;
+    (u as f64 + more * 2f64.powi(-48)).min(1.0 - f64::EPSILON)
 }
 
 /// A stream of numbers in [0, 1): sample `index` of stream `stream`, four dimensions after the other.
@@ -67,9 +77,43 @@ impl Sampler {
         [a, b, c, d]
     }
 
+    /// The next group as a block of `count` points: those of all blocks of one stream and group, one block per index, are
+    /// well distributed together, and each block by itself if `count` is a power of two.
+    pub fn next_block(&mut self, count: u32) -> Block {
+        let group = self.group;
+        self.group += 1;
+        let first = u64::from(self.index) * u64::from(count);
+        // A group beyond the sequence's 64 continues in one with another scramble.
+        let scramble = hash(u64::from(self.scramble), u64::from(group >> SOBOL_SETS_LOG2));
+        Block { first, group: group & ((1 << SOBOL_SETS_LOG2) - 1), scramble }
+    }
+
     /// The first two numbers of the next group.
     pub fn next_2d(&mut self) -> Vec2 {
         let [x, y, ..] = self.next_4d();
+        Vec2::new(x, y)
+    }
+}
+
+/// Points for one decision that is taken several times: of [`Sampler::next_block`].
+#[derive(Clone, Copy, Debug)]
+pub struct Block {
+    first: u64,
+    group: u32,
+    scramble: u64,
+}
+
+impl Block {
+    /// Point `i` of the block, each number in [0, 1).
+    pub fn point(&self, i: u32) -> [f32; 4] {
+        let index = self.first + u64::from(i);
+        let scramble = hash(self.scramble, index >> SOBOL_LENGTH_LOG2) as u32;
+        sobol_burley::sample_4d((index & ((1 << SOBOL_LENGTH_LOG2) - 1)) as u32, self.group, scramble)
+    }
+
+    /// The first two numbers of point `i`.
+    pub fn point_2d(&self, i: u32) -> Vec2 {
+        let [x, y, ..] = self.point(i);
         Vec2::new(x, y)
     }
 }
@@ -103,6 +147,30 @@ mod tests {
             let sum = (0..4096).map(value).fold([0.0; 4], |a, b| std::array::from_fn(|k| a[k] + f64::from(b[k])));
             assert!(sum.iter().all(|s| (s / 4096.0 - 0.5).abs() < tolerance), "group {group}: {sum:?}");
         }
+    }
+
+    #[test]
+    fn blocks_are_nets_alone_and_together() {
+        let filled = |points: &mut dyn Iterator<Item = Vec2>, n: usize| {
+            let mut seen = vec![false; n * n];
+            points.for_each(|p| seen[(p.x * n as f32) as usize * n + (p.y * n as f32) as usize] = true);
+            seen.iter().filter(|s| **s).count()
+        };
+        for group in [0, 2, 70] {
+            let block = |index: u64| {
+                let mut s = Sampler::new(3, 11, index);
+                (0..group).for_each(|_| _ = s.next_4d());
+                s.next_block(16)
+            };
+            // Also where the sequence has been used up and continues in another.
+            for index in [0, 5, 4095, 4096, 70_000] {
+                assert_eq!(filled(&mut (0..16).map(|k| block(index).point_2d(k)), 4), 16, "{group} {index}");
+            }
+            assert_eq!(filled(&mut (0..256).map(|i| block(i / 16).point_2d((i % 16) as u32)), 16), 256, "{group}");
+            assert_ne!(block(0).point(0), block(4096).point(0));
+        }
+        let points = |mut s: Sampler| (s.next_block(4).point(1), s.next_block(4).point(1));
+        assert_ne!(points(Sampler::new(3, 11, 0)).0, points(Sampler::new(3, 11, 0)).1);
     }
 
     #[test]

@@ -239,6 +239,35 @@ impl Bsdf {
         (bsdf(diffuse), bsdf(rest))
     }
 
+    /// Normal and albedo, if this is plain Lambert: f |cos| = albedo / pi max(0, n . wi) for this `wo`.
+    pub fn lambert(&self, wo: Vec3) -> Option<(Vec3, Rgb)> {
+        let n = self.first.frame.n;
+        let mut albedo = Rgb::ZERO;
+        for layer in self.layers() {
+            match &layer.lobe {
+                Lobe::Lambert(l) if layer.perturbation.is_none() && layer.frame.n == n => {
+                    albedo += layer.weight * l.reflectance;
+                }
+                _ => return None,
+            }
+        }
+        Some((n, if wo.dot(n) > 0.0 { albedo } else { Rgb::ZERO }))
+    }
+
+    /// The unit normal above whose plane all directions lie from which light is scattered, Dirac lobes excluded; `None` if
+    /// there is no such plane (rough glass, layers with different normals).
+    pub fn upper_normal(&self) -> Option<Vec3> {
+        let mut normal = None;
+        for layer in self.layers().filter(|l| !l.lobe.is_dirac()) {
+            let n = layer.frame.n;
+            if matches!(layer.lobe, Lobe::RoughGlass(_)) || normal.is_some_and(|other| other != n) {
+                return None;
+            }
+            normal = Some(n);
+        }
+        normal
+    }
+
     /// Share of light that passes straight through (weight of the null lobes).
     pub fn straight_through(&self) -> f32 {
         self.layers().filter(|l| matches!(l.lobe, lobe::Lobe::Null)).map(|l| l.weight).sum()

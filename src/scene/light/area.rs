@@ -7,7 +7,7 @@
 //! - Disks and cylinders, and planar lamps below [`MIN_SOLID_ANGLE`]: uniform by area, pdf_dir = d^2 / (A cos).
 //!
 //! Which branch is taken follows from the lamp and the shaded point alone, so that the density of a point found by a ray
-//! is that of the same point sampled. A point in a lamp's own plane (to rounding) is not lit by it: nothing is sampled,
+//! is that of the same point sampled: [`Seen`] is the lamp in view of the point, from which both follow. A point in a lamp's own plane (to rounding) is not lit by it: nothing is sampled,
 //! and the density is 0. Bias: none beyond that. Not handled: choosing the visible part of a cylinder.
 
 use crate::math::polygon::{RectangleFrame, SphericalRectangle, SphericalTriangle};
@@ -15,7 +15,7 @@ use crate::math::warp::{sample_disk, sample_sphere, sample_triangle};
 use crate::math::{DVec3, Frame, Vec2, Vec3};
 use crate::scene::shape::{Cylinder, Geometry, Rectangle, Shape, Sphere};
 use crate::scene::surface::SurfacePoint;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Below this solid angle (sr) planar lamps are sampled by area: there the two agree but for extreme angles, and
 /// rounding of the spherical parametrisation of a rectangle seen edge-on grows to 1e-4 of its width.
@@ -25,21 +25,30 @@ const MIN_SOLID_ANGLE: f64 = 1e-6;
 /// last place of f32).
 const IN_PLANE: f64 = 3e-7;
 
-/// A lamp and what [`frame`] has prepared for it.
+/// A lamp: a primitive of a shape, or several that make up one.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lamp<'a> {
-    pub shape: &'a Shape,
-    pub frame: Option<&'a RectangleFrame>,
+pub(super) enum Lamp<'a> {
+    /// Primitive of a shape.
+    Primitive(&'a Shape, u32),
+    /// A parallelogram.
+    Parallelogram(&'a Patch),
 }
 
-/// What can be prepared for sampling a lamp: the frame of a rectangle with orthogonal edges.
-pub(super) fn frame(shape: &Shape) -> Option<RectangleFrame> {
-    let Geometry::Rectangle(r) = &shape.geometry else {
-        return None;
-    };
-    let (x, y) = (r.ex.as_dvec3(), r.ey.as_dvec3());
-    let orthogonal = x.dot(y).abs() <= 1e-6 * x.length() * y.length();
-    orthogonal.then(|| RectangleFrame::new(r.center.as_dvec3(), x, y)).flatten()
+/// A parallelogram and what can be prepared for it.
+#[derive(Clone, Debug)]
+pub(super) struct Patch {
+    pub rectangle: Rectangle,
+    /// If the edges are orthogonal.
+    frame: Option<RectangleFrame>,
+}
+
+impl Patch {
+    pub fn new(rectangle: Rectangle) -> Self {
+        let (x, y) = (rectangle.ex.as_dvec3(), rectangle.ey.as_dvec3());
+        let orthogonal = x.dot(y).abs() <= 1e-6 * x.length() * y.length();
+        let frame = orthogonal.then(|| RectangleFrame::new(rectangle.center.as_dvec3(), x, y)).flatten();
+        Patch { rectangle, frame }
+    }
 }
 
 /// A sampled point of a lamp.
@@ -70,69 +79,209 @@ impl LampPoint {
     }
 }
 
-/// Draws a point of primitive `prim` of `lamp` towards `p`. `None` if the lamp's emitting side cannot be seen from there (left to the
-/// interpolated normal for meshes that have one).
-pub(super) fn sample(lamp: Lamp, prim: u32, p: Vec3, u: Vec2) -> Option<LampPoint> {
-    let area = || lamp.shape.primitive_area(prim) as f64;
-    match &lamp.shape.geometry {
-        Geometry::Mesh(m) => {
-            let corners = m.triangles[prim as usize].map(|i| m.positions[i as usize]);
-            sample_facet(corners, !m.normals.is_empty(), area, p, u)
-        }
-        Geometry::Rectangle(r) => sample_rectangle(r, lamp.frame, area, p, u),
-        Geometry::Sphere(s) => sample_sphere_lamp(s, area(), p, u),
-        Geometry::Disk(d) => {
-            let height = front_height(d.center, d.n, d.ex.abs() + d.ey.abs(), p)?;
-            let q = sample_disk(u);
-            let to = relative(d.center, p) + d.ex.as_dvec3() * q.x as f64 + d.ey.as_dvec3() * q.y as f64;
-            LampPoint::new(to, planar_pdf(to, height, area()), Vec2::ZERO)
-        }
-        Geometry::Cylinder(c) => sample_cylinder(c, area(), p, u),
+/// A lamp in view of a point, ready to be sampled; positions are relative to the point.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Seen<'a> {
+    /// By solid angle.
+    Triangle(SphericalTriangle),
+    /// By solid angle.
+    Rectangle(SphericalRectangle),
+    /// By solid angle, as two triangles.
+    Parallelogram([SphericalTriangle; 2]),
+    /// By area: a + u ab + v ac.
+    FlatTriangle { a: DVec3, ab: DVec3, ac: DVec3, plane: Plane },
+    /// By area: c + u x + v y, u and v in [-1, 1].
+    FlatParallelogram { c: DVec3, x: DVec3, y: DVec3, plane: Plane },
+    /// By area.
+    Disk { c: DVec3, x: DVec3, y: DVec3, plane: Plane },
+    /// A sphere from outside, by solid angle: the cone that holds it, by 1 - cos of its half angle, its centre and distance.
+    Cone { sphere: &'a Sphere, center: DVec3, distance: f64, one_minus_cos: f64 },
+    /// A sphere from inside, by area.
+    Inside { center: DVec3, radius: f64, area: f64 },
+    /// By area.
+    Cylinder { cylinder: &'a Cylinder, p: Vec3, area: f64 },
+}
+
+/// Height of the shaded point above a planar lamp, and its area.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plane {
+    height: f64,
+    area: f64,
+}
+
+impl Plane {
+    /// d^2 / (A cos) for a point of the plane; 0 in the plane.
+    fn pdf_dir(&self, to: DVec3) -> f64 {
+        let d2 = to.length_squared();
+        if self.height > 0.0 { d2 * d2.sqrt() / (self.height * self.area) } else { 0.0 }
     }
 }
 
-/// Density with which [`sample`] at `p` draws the point `at` of primitive `prim`.
-pub(super) fn pdf_dir(lamp: Lamp, prim: u32, p: Vec3, at: &SurfacePoint) -> f32 {
-    let to = relative(at.p, p);
-    let area = || lamp.shape.primitive_area(prim) as f64;
-    let pdf = match &lamp.shape.geometry {
-        Geometry::Mesh(m) => {
-            let corners = m.triangles[prim as usize].map(|i| m.positions[i as usize]);
-            let height = facet_height(corners, p).abs();
-            match (height > 0.0).then(|| spherical_triangle(corners, p)).flatten() {
-                Some(t) => t.pdf_dir(),
-                None => planar_pdf(to, height, area()),
+impl<'a> Seen<'a> {
+    /// `None` if the lamp's emitting side cannot be seen from `p` (left to the interpolated normal for meshes that have one).
+    pub fn new(lamp: Lamp<'a>, p: Vec3) -> Option<Self> {
+        let (shape, prim) = match lamp {
+            Lamp::Parallelogram(patch) => return Self::parallelogram(patch, p),
+            Lamp::Primitive(shape, prim) => (shape, prim),
+        };
+        let area = || shape.primitive_area(prim) as f64;
+        match &shape.geometry {
+            Geometry::Mesh(m) => Self::triangle(m.corners(prim), !m.normals.is_empty(), area, p),
+            // Rectangles are patches; this is what they are without one.
+            Geometry::Rectangle(r) => Self::flat(r, p),
+            Geometry::Sphere(s) => Self::sphere(s, area, p),
+            Geometry::Disk(d) => {
+                let height = front_height(d.center, d.n, d.ex.abs() + d.ey.abs(), p)?;
+                let plane = Plane { height, area: area() };
+                Some(Seen::Disk { c: relative(d.center, p), x: d.ex.as_dvec3(), y: d.ey.as_dvec3(), plane })
             }
+            Geometry::Cylinder(cylinder) => Some(Seen::Cylinder { cylinder, p, area: area() }),
         }
-        Geometry::Rectangle(r) => match front_height(r.center, r.n, r.ex.abs() + r.ey.abs(), p) {
-            Some(height) => match SphericalLamp::new(r, lamp.frame, p) {
-                Some(s) => 1.0 / s.solid_angle(),
-                None => planar_pdf(to, height, area()),
-            },
-            None => 0.0,
-        },
-        Geometry::Sphere(s) => match SphereView::new(s, p) {
-            Some(SphereView::Cone { one_minus_cos, .. }) => 1.0 / (TAU * one_minus_cos),
-            Some(SphereView::Inside) => curved_pdf(to, at.n_geo.as_dvec3(), area()),
-            None => 0.0,
-        },
-        Geometry::Disk(d) => match front_height(d.center, d.n, d.ex.abs() + d.ey.abs(), p) {
-            Some(height) => planar_pdf(to, height, area()),
-            None => 0.0,
-        },
-        Geometry::Cylinder(_) => curved_pdf(to, at.n_geo.as_dvec3(), area()),
-    };
+    }
+
+    fn triangle(corners: [Vec3; 3], both_sides: bool, area: impl Fn() -> f64, p: Vec3) -> Option<Self> {
+        let height = facet_height(corners, p);
+        // Not `height <= 0`: triangles without area have none (NaN).
+        if !(height > 0.0 || (both_sides && height < 0.0)) {
+            return None;
+        }
+        let [a, b, c] = corners.map(|v| relative(v, p));
+        if let Some(t) = SphericalTriangle::new(a, b, c).filter(|t| t.solid_angle() > MIN_SOLID_ANGLE) {
+            return Some(Seen::Triangle(t));
+        }
+        let plane = Plane { height: height.abs(), area: area() };
+        Some(Seen::FlatTriangle { a, ab: b - a, ac: c - a, plane })
+    }
+
+    fn parallelogram(patch: &Patch, p: Vec3) -> Option<Self> {
+        let r = &patch.rectangle;
+        let flat = Self::flat(r, p)?;
+        let seen = if let Some(frame) = &patch.frame {
+            Seen::Rectangle(frame.seen_from(p.as_dvec3()))
+        } else {
+            let (c, x, y) = (relative(r.center, p), r.ex.as_dvec3(), r.ey.as_dvec3());
+            let (a, b) = (c - x - y, c + x + y);
+            Seen::Parallelogram([SphericalTriangle::new(a, c + x - y, b)?, SphericalTriangle::new(a, b, c - x + y)?])
+        };
+        Some(if seen.solid_angle()? > MIN_SOLID_ANGLE { seen } else { flat })
+    }
+
+    fn flat(r: &Rectangle, p: Vec3) -> Option<Self> {
+        let height = front_height(r.center, r.n, r.ex.abs() + r.ey.abs(), p)?;
+        let plane = Plane { height, area: r.area() as f64 };
+        Some(Seen::FlatParallelogram { c: relative(r.center, p), x: r.ex.as_dvec3(), y: r.ey.as_dvec3(), plane })
+    }
+
+    fn sphere(s: &'a Sphere, area: impl Fn() -> f64, p: Vec3) -> Option<Self> {
+        let radius = s.radius as f64;
+        let center = relative(s.center, p);
+        let distance = center.length();
+        let scale = p.abs().max(s.center.abs()).max_element() as f64 + radius;
+        if distance - radius > IN_PLANE * scale {
+            // sin^2 / (1 + cos) instead of 1 - cos: all digits for a sphere of any size.
+            let sin2 = (radius / distance).powi(2);
+            let one_minus_cos = sin2 / (1.0 + (1.0 - sin2).sqrt());
+            return Some(Seen::Cone { sphere: s, center, distance, one_minus_cos });
+        }
+        // The emitting side cannot be seen from inside a sphere that emits outwards.
+        s.flip.then(|| Seen::Inside { center, radius, area: area() })
+    }
+
+    /// Solid angle, where it is what is sampled.
+    pub fn solid_angle(&self) -> Option<f64> {
+        match self {
+            Seen::Triangle(t) => Some(t.solid_angle()),
+            Seen::Rectangle(r) => Some(r.solid_angle()),
+            Seen::Parallelogram([a, b]) => Some(a.solid_angle() + b.solid_angle()),
+            Seen::Cone { one_minus_cos, .. } => Some(TAU * one_minus_cos),
+            _ => None,
+        }
+    }
+
+    /// Solid angle, roughly: of what is sampled by area as if it were small; infinite inside of a sphere.
+    pub fn solid_angle_estimate(&self) -> f64 {
+        let small = |to: DVec3, plane: &Plane| 1.0 / plane.pdf_dir(to);
+        match self {
+            Seen::FlatTriangle { a, ab, ac, plane } => small(*a + (*ab + *ac) / 3.0, plane),
+            Seen::FlatParallelogram { c, plane, .. } | Seen::Disk { c, plane, .. } => small(*c, plane),
+            Seen::Inside { .. } => f64::INFINITY,
+            Seen::Cylinder { cylinder, p, area } => {
+                let middle = relative(cylinder.p0, *p) + cylinder.axis.as_dvec3() * 0.5;
+                area / PI / middle.length_squared()
+            }
+            _ => self.solid_angle().unwrap_or(0.0),
+        }
+    }
+
+    /// Draws a point.
+    pub fn sample(&self, u: Vec2) -> Option<LampPoint> {
+        let uniform = || 1.0 / self.solid_angle().unwrap_or(0.0);
+        let [x, y] = [u.x as f64, u.y as f64];
+        match self {
+            Seen::Triangle(t) => {
+                let q = t.sample([x, y]);
+                let barycentric = Vec2::new(q.barycentric.y as f32, q.barycentric.z as f32);
+                LampPoint::new(q.position, t.pdf_dir(), barycentric)
+            }
+            Seen::Rectangle(r) => LampPoint::new(r.sample([x, y]), r.pdf_dir(), Vec2::ZERO),
+            Seen::Parallelogram([a, b]) => {
+                let first = a.solid_angle() / (a.solid_angle() + b.solid_angle());
+                let q = if x < first { a.sample([x / first, y]) } else { b.sample([(x - first) / (1.0 - first), y]) };
+                LampPoint::new(q.position, uniform(), Vec2::ZERO)
+            }
+            Seen::FlatTriangle { a, ab, ac, plane } => {
+                let q = sample_triangle(u);
+                let to = *a + *ab * q.x as f64 + *ac * q.y as f64;
+                LampPoint::new(to, plane.pdf_dir(to), q)
+            }
+            Seen::FlatParallelogram { c, x: ex, y: ey, plane } => {
+                let to = *c + *ex * (x * 2.0 - 1.0) + *ey * (y * 2.0 - 1.0);
+                LampPoint::new(to, plane.pdf_dir(to), Vec2::ZERO)
+            }
+            Seen::Disk { c, x: ex, y: ey, plane } => {
+                let q = sample_disk(u);
+                let to = *c + *ex * q.x as f64 + *ey * q.y as f64;
+                LampPoint::new(to, plane.pdf_dir(to), Vec2::ZERO)
+            }
+            Seen::Cone { sphere, center, distance, one_minus_cos } => {
+                sample_cone(sphere, *center, *distance, *one_minus_cos, u)
+            }
+            Seen::Inside { center, radius, area } => {
+                let n = sample_sphere(u).as_dvec3().normalize();
+                let to = *center + n * *radius;
+                LampPoint::new(to, curved_pdf(to, n, *area), Vec2::ZERO)
+            }
+            Seen::Cylinder { cylinder, p, area } => sample_cylinder(cylinder, *area, *p, u),
+        }
+    }
+
+    /// Density with which [`Self::sample`] draws the point at `to`, where the lamp has the normal `n`.
+    pub fn pdf_dir(&self, to: DVec3, n: DVec3) -> f64 {
+        match self {
+            Seen::FlatTriangle { plane, .. } | Seen::FlatParallelogram { plane, .. } | Seen::Disk { plane, .. } => {
+                plane.pdf_dir(to)
+            }
+            Seen::Inside { area, .. } | Seen::Cylinder { area, .. } => curved_pdf(to, n, *area),
+            _ => 1.0 / self.solid_angle().unwrap_or(0.0),
+        }
+    }
+}
+
+/// Draws a point of a lamp towards `p`, see [`Seen`].
+#[cfg(test)]
+pub(super) fn sample(lamp: Lamp, p: Vec3, u: Vec2) -> Option<LampPoint> {
+    Seen::new(lamp, p)?.sample(u)
+}
+
+/// Density with which a lamp is sampled from `p` at its point `at`.
+pub(super) fn pdf_dir(lamp: Lamp, p: Vec3, at: &SurfacePoint) -> f32 {
+    let seen = Seen::new(lamp, p);
+    let pdf = seen.map_or(0.0, |s| s.pdf_dir(relative(at.p, p), at.n_geo.as_dvec3()));
     if pdf.is_finite() { pdf as f32 } else { 0.0 }
 }
 
-fn relative(q: Vec3, p: Vec3) -> DVec3 {
+pub(super) fn relative(q: Vec3, p: Vec3) -> DVec3 {
     q.as_dvec3() - p.as_dvec3()
-}
-
-/// d^2 / (A cos) for a point at `to` of a plane at distance `height`; 0 in the plane.
-fn planar_pdf(to: DVec3, height: f64, area: f64) -> f64 {
-    let d2 = to.length_squared();
-    if height > 0.0 { d2 * d2.sqrt() / (height * area) } else { 0.0 }
 }
 
 /// d^2 / (A cos) for a point at `to` with unit normal `n`.
@@ -158,141 +307,21 @@ fn facet_height([a, b, c]: [Vec3; 3], p: Vec3) -> f64 {
     if height.abs() > IN_PLANE * scale { height } else { 0.0 }
 }
 
-/// The triangle in view of `p`, unless it is too small for that.
-fn spherical_triangle([a, b, c]: [Vec3; 3], p: Vec3) -> Option<SphericalTriangle> {
-    let t = SphericalTriangle::new(relative(a, p), relative(b, p), relative(c, p))?;
-    (t.solid_angle() > MIN_SOLID_ANGLE).then_some(t)
-}
-
-fn sample_facet(corners: [Vec3; 3], both_sides: bool, area: impl Fn() -> f64, p: Vec3, u: Vec2) -> Option<LampPoint> {
-    let height = facet_height(corners, p);
-    // Not `height <= 0`: triangles without area have none (NaN).
-    if !(height > 0.0 || (both_sides && height < 0.0)) {
-        return None;
-    }
-    if let Some(t) = spherical_triangle(corners, p) {
-        let q = t.sample([u.x as f64, u.y as f64]);
-        let barycentric = Vec2::new(q.barycentric.y as f32, q.barycentric.z as f32);
-        return LampPoint::new(q.position, t.pdf_dir(), barycentric);
-    }
-    let [a, b, c] = corners;
-    let q = sample_triangle(u);
-    let to = relative(a, p) + relative(b, a) * q.x as f64 + relative(c, a) * q.y as f64;
-    LampPoint::new(to, planar_pdf(to, height.abs(), area()), q)
-}
-
-/// A parallelogram in view of a point.
-enum SphericalLamp {
-    Rectangle(SphericalRectangle),
-    Parallelogram([SphericalTriangle; 2]),
-}
-
-impl SphericalLamp {
-    /// `None` if it is too small for spherical sampling.
-    fn new(r: &Rectangle, frame: Option<&RectangleFrame>, p: Vec3) -> Option<Self> {
-        let lamp = if let Some(frame) = frame {
-            SphericalLamp::Rectangle(frame.seen_from(p.as_dvec3()))
-        } else {
-            let (c, x, y) = (relative(r.center, p), r.ex.as_dvec3(), r.ey.as_dvec3());
-            let (a, b) = (c - x - y, c + x + y);
-            SphericalLamp::Parallelogram([
-                SphericalTriangle::new(a, c + x - y, b)?,
-                SphericalTriangle::new(a, b, c - x + y)?,
-            ])
-        };
-        (lamp.solid_angle() > MIN_SOLID_ANGLE).then_some(lamp)
-    }
-
-    fn solid_angle(&self) -> f64 {
-        match self {
-            SphericalLamp::Rectangle(r) => r.solid_angle(),
-            SphericalLamp::Parallelogram([a, b]) => a.solid_angle() + b.solid_angle(),
-        }
-    }
-
-    /// Point relative to the shaded point.
-    fn sample(&self, u: [f64; 2]) -> DVec3 {
-        match self {
-            SphericalLamp::Rectangle(r) => r.sample(u),
-            SphericalLamp::Parallelogram([a, b]) => {
-                let first = a.solid_angle() / self.solid_angle();
-                let q = if u[0] < first {
-                    a.sample([u[0] / first, u[1]])
-                } else {
-                    b.sample([(u[0] - first) / (1.0 - first), u[1]])
-                };
-                q.position
-            }
-        }
-    }
-}
-
-fn sample_rectangle(
-    r: &Rectangle,
-    frame: Option<&RectangleFrame>,
-    area: impl Fn() -> f64,
-    p: Vec3,
-    u: Vec2,
-) -> Option<LampPoint> {
-    let height = front_height(r.center, r.n, r.ex.abs() + r.ey.abs(), p)?;
-    if let Some(lamp) = SphericalLamp::new(r, frame, p) {
-        let to = lamp.sample([u.x as f64, u.y as f64]);
-        return LampPoint::new(to, 1.0 / lamp.solid_angle(), Vec2::ZERO);
-    }
-    let q = u.as_dvec2() * 2.0 - 1.0;
-    let to = relative(r.center, p) + r.ex.as_dvec3() * q.x + r.ey.as_dvec3() * q.y;
-    LampPoint::new(to, planar_pdf(to, height, area()), Vec2::ZERO)
-}
-
-/// How a sphere's emitting side is seen.
-enum SphereView {
-    /// From outside: the cone that holds it, by 1 - cos of its half angle, and the distance of the centre.
-    Cone { one_minus_cos: f64, distance: f64 },
-    /// From inside, or from the sphere itself.
-    Inside,
-}
-
-impl SphereView {
-    /// `None` if the emitting side cannot be seen: from inside a sphere that emits outwards.
-    fn new(s: &Sphere, p: Vec3) -> Option<Self> {
-        let radius = s.radius as f64;
-        let distance = relative(s.center, p).length();
-        let scale = p.abs().max(s.center.abs()).max_element() as f64 + radius;
-        if distance - radius > IN_PLANE * scale {
-            // sin^2 / (1 + cos) instead of 1 - cos: all digits for a sphere of any size.
-            let sin2 = (radius / distance).powi(2);
-            let one_minus_cos = sin2 / (1.0 + (1.0 - sin2).sqrt());
-            return Some(SphereView::Cone { one_minus_cos, distance });
-        }
-        s.flip.then_some(SphereView::Inside)
-    }
-}
-
-fn sample_sphere_lamp(s: &Sphere, area: f64, p: Vec3, u: Vec2) -> Option<LampPoint> {
+fn sample_cone(s: &Sphere, center: DVec3, distance: f64, one_minus_cos: f64, u: Vec2) -> Option<LampPoint> {
     let radius = s.radius as f64;
-    let center = relative(s.center, p);
-    match SphereView::new(s, p)? {
-        SphereView::Cone { one_minus_cos, distance } => {
-            let m = u.x as f64 * one_minus_cos;
-            let (cos, sin2) = (1.0 - m, m * (2.0 - m));
-            let (sin_phi, cos_phi) = (TAU * u.y as f64).sin_cos();
-            let axis = center / distance;
-            let frame = Frame::from_normal(axis.as_vec3());
-            // Tangents orthogonal to the axis in f64: distant spheres are narrower than an f32 angle resolves.
-            let sx = frame.s.as_dvec3();
-            let sx = (sx - axis * axis.dot(sx)).normalize();
-            let dir = axis * cos + (sx * cos_phi + axis.cross(sx) * sin_phi) * sin2.sqrt();
-            // Nearest intersection; a sphere that emits inwards shows its far side (through what it is made of).
-            let half = (radius * radius - distance * distance * sin2).max(0.0).sqrt();
-            let t = distance * cos + if s.flip { half } else { -half };
-            LampPoint::new(dir * t, 1.0 / (TAU * one_minus_cos), Vec2::ZERO)
-        }
-        SphereView::Inside => {
-            let n = sample_sphere(u).as_dvec3().normalize();
-            let to = center + n * radius;
-            LampPoint::new(to, curved_pdf(to, n, area), Vec2::ZERO)
-        }
-    }
+    let m = u.x as f64 * one_minus_cos;
+    let (cos, sin2) = (1.0 - m, m * (2.0 - m));
+    let (sin_phi, cos_phi) = (TAU * u.y as f64).sin_cos();
+    let axis = center / distance;
+    let frame = Frame::from_normal(axis.as_vec3());
+    // Tangents orthogonal to the axis in f64: distant spheres are narrower than an f32 angle resolves.
+    let sx = frame.s.as_dvec3();
+    let sx = (sx - axis * axis.dot(sx)).normalize();
+    let dir = axis * cos + (sx * cos_phi + axis.cross(sx) * sin_phi) * sin2.sqrt();
+    // Nearest intersection; a sphere that emits inwards shows its far side (through what it is made of).
+    let half = (radius * radius - distance * distance * sin2).max(0.0).sqrt();
+    let t = distance * cos + if s.flip { half } else { -half };
+    LampPoint::new(dir * t, 1.0 / (TAU * one_minus_cos), Vec2::ZERO)
 }
 
 fn sample_cylinder(c: &Cylinder, area: f64, p: Vec3, u: Vec2) -> Option<LampPoint> {

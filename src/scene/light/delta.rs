@@ -35,6 +35,7 @@ pub(super) enum DeltaLight {
 }
 
 /// Direction to a light, distance, and what arrives: intensity / distance^2 or irradiance.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Arrival {
     pub wi: Vec3,
     pub distance: f32,

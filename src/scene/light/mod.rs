@@ -3,29 +3,32 @@
 //! Estimates   direct light at a point p by one sample of radiance / (pmf x pdf_dir); `weight` is that quotient
 //! Measure     `pdf_dir` is per solid angle at p and includes the probability of the selection; delta lights (points,
 //!             spots, parallel light) have no density: 0
-//! Selection   one alias table (Walker 1974) over all *emitters*: every triangle of an emissive mesh, every other lamp,
-//!             every delta light, every environment light is an entry, in proportion to the mean channel of its power
+//! Selection   one alias table (Walker 1974) over all *emitters*: every triangle of an emissive mesh (or two that make up a
+//!             parallelogram), every other lamp, every delta light, every environment light is an entry, in proportion to the mean channel of its power
 //!             (lights at infinity: what enters the scene's bounding sphere), O(1) for any number of lamps. Each entry gets at
 //!             least 1/1000 of an even share, so that whatever is close can be found
 //! Environment several lights at infinity are one: a direction is drawn from one of them, density and radiance are those
 //!             of their sum
 //! Bias        none. Emission is one-sided: the side is that of the interpolated normal, as in Mitsuba 3
-//! Not handled selection by position (a lamp behind the next wall is as likely as a near one); power of both sides
+//! Not handled selection by position: that is `transport::light_tree`'s, by way of [`EmitterView`]; power of both sides
 //! Verified by `tests.rs`: chi-square against `pdf_dir`, closed-form irradiance, the same density found and sampled
 
 mod area;
 mod delta;
+mod emitter;
 mod environment;
+mod pairs;
 
 use super::description::LightDesc;
-use super::shape::{Geometry, Shape, ShapeHit};
+use super::shape::{Geometry, Shape};
 use super::surface::SurfacePoint;
-use super::texture::{Bitmap, Color, Texture, Textures};
+use super::texture::{Bitmap, Texture, Textures};
 use crate::math::distribution::AliasTable;
-use crate::math::polygon::RectangleFrame;
-use crate::math::sampler::hash;
+use crate::math::sampler::refine;
 use crate::math::{Rgb, Vec2, Vec3};
+use area::Patch;
 use delta::DeltaLight;
+pub use emitter::{EmitterBounds, EmitterView};
 use environment::Environment;
 
 /// Smallest selection weight of an emitter, as a fraction of the average one.
@@ -68,10 +71,14 @@ pub struct Lights {
     /// One entry per light of the file: area lights in order of their shapes, then the others.
     pub infos: Vec<LightInfo>,
     table: AliasTable,
+    /// Power of each emitter, W, mean of the channels.
+    powers: Vec<f64>,
     emitters: Vec<Emitter>,
-    /// Per shape: its first emitter and index into `frames`, or [`NONE`].
-    lamps: Vec<[u32; 2]>,
-    frames: Vec<RectangleFrame>,
+    /// Per shape: where its primitives start in `emitter_of`, or [`NONE`].
+    lamps: Vec<u32>,
+    /// Emitter of each primitive of each lamp.
+    emitter_of: Vec<u32>,
+    patches: Vec<Patch>,
     deltas: Vec<DeltaLight>,
     /// Lights at infinity, with their emitters.
     environments: Vec<(Environment, u32)>,
@@ -88,7 +95,12 @@ struct Emitter {
 
 #[derive(Clone, Copy, Debug)]
 enum Source {
-    Surface { shape: u32, prim: u32 },
+    /// A primitive of a lamp; `patch` is an index into `patches` or [`NONE`].
+    Surface {
+        shape: u32,
+        prim: u32,
+        patch: u32,
+    },
     Delta(u32),
     Environment(u32),
 }
@@ -106,9 +118,11 @@ impl Lights {
         let mut all = Lights {
             infos: Vec::new(),
             table: AliasTable::default(),
+            powers: Vec::new(),
             emitters: Vec::new(),
-            lamps: vec![[NONE; 2]; shapes.len()],
-            frames: Vec::new(),
+            lamps: vec![NONE; shapes.len()],
+            emitter_of: Vec::new(),
+            patches: Vec::new(),
             deltas: Vec::new(),
             environments: Vec::new(),
         };
@@ -125,6 +139,7 @@ impl Lights {
         let floor = FLOOR * weights.iter().map(|&w| sane(w)).sum::<f64>() / weights.len().max(1) as f64;
         let floored: Vec<f64> = weights.iter().map(|&w| sane(w).max(floor)).collect();
         all.table = AliasTable::new(&floored);
+        all.powers = weights.into_iter().map(sane).collect();
         all
     }
 
@@ -138,17 +153,37 @@ impl Lights {
         };
         let count = shape.primitive_count();
         let light = self.infos.len() as u32;
-        let frame = area::frame(shape).map_or(NONE, |frame| {
-            self.frames.push(frame);
-            self.frames.len() as u32 - 1
-        });
-        self.lamps[index as usize] = [self.emitters.len() as u32, frame];
+        self.lamps[index as usize] = self.emitter_of.len() as u32;
+        let parallelograms = pairs::parallelograms(shape);
         let mut area = 0.0;
-        for prim in 0..count {
-            let a = shape.primitive_area(prim as u32) as f64;
+        for prim in 0..count as u32 {
+            let mut a = shape.primitive_area(prim) as f64;
             area += a;
+            let pair = parallelograms.get(prim as usize).and_then(Option::as_ref);
+            if let Some((other, _)) = pair.filter(|(other, _)| *other < prim) {
+                let first = self.emitter_of[(self.lamps[index as usize] + other) as usize];
+                self.emitter_of.push(first);
+                continue;
+            }
+            let rectangle = match (&shape.geometry, pair) {
+                (_, Some((other, rectangle))) => {
+                    a += shape.primitive_area(*other) as f64;
+                    Some(rectangle)
+                }
+                (Geometry::Rectangle(rectangle), _) => Some(rectangle),
+                _ => None,
+            };
+            let patch = rectangle.map_or(NONE, |r| {
+                self.patches.push(Patch::new(r.clone()));
+                self.patches.len() as u32 - 1
+            });
             weights.push(std::f64::consts::PI * a * mean_channel(radiance));
-            self.emitters.push(Emitter { light, source: Source::Surface { shape: index, prim: prim as u32 } });
+            self.emitter_of.push(self.emitters.len() as u32);
+            self.emitters.push(Emitter { light, source: Source::Surface { shape: index, prim, patch } });
+        }
+        if let (Geometry::Rectangle(_), Some(&emitter)) = (&shape.geometry, self.emitter_of.last()) {
+            // Rays meet a rectangle in one of two halves, which they name as its primitives 0 and 1.
+            self.emitter_of.push(emitter);
         }
         self.infos.push(LightInfo {
             kind: format!("area ({kind})"),
@@ -175,8 +210,11 @@ impl Lights {
         self.infos.push(LightInfo { kind: kind.into(), name: String::new(), power, primitives: 1 });
     }
 
-    fn lamp<'a>(&'a self, shapes: &'a [Shape], shape: u32) -> area::Lamp<'a> {
-        area::Lamp { shape: &shapes[shape as usize], frame: self.frames.get(self.lamps[shape as usize][1] as usize) }
+    fn lamp<'a>(&'a self, shapes: &'a [Shape], shape: u32, prim: u32, patch: u32) -> area::Lamp<'a> {
+        match self.patches.get(patch as usize) {
+            Some(patch) => area::Lamp::Parallelogram(patch),
+            None => area::Lamp::Primitive(&shapes[shape as usize], prim),
+        }
     }
 
     /// Whether there is no light at all.
@@ -194,38 +232,12 @@ impl Lights {
     pub fn sample(&self, shapes: &[Shape], textures: Textures, p: Vec3, u_light: f32, u: Vec2) -> Option<LightSample> {
         let index = self.table.sample(refine(u_light, u))?;
         let pmf = self.table.pmf(index);
-        let Emitter { light, source } = self.emitters[index];
-        match source {
-            Source::Surface { shape, prim } => {
-                let lamp = &shapes[shape as usize];
-                let q = area::sample(self.lamp(shapes, shape), prim, p, u)?;
-                let radiance = lamp_radiance(lamp, textures, shape, prim, p, &q);
-                let pdf_dir = q.pdf_dir * pmf;
-                (radiance != Rgb::ZERO).then(|| LightSample {
-                    wi: q.wi,
-                    distance: q.distance,
-                    weight: radiance / pdf_dir,
-                    pdf_dir,
-                    light,
-                })
-            }
-            Source::Delta(k) => {
-                let a = self.deltas[k as usize].arrival(textures, p)?;
-                Some(LightSample { wi: a.wi, distance: a.distance, weight: a.value / pmf, pdf_dir: 0.0, light })
-            }
-            Source::Environment(k) => {
-                let wi = self.environments[k as usize].0.sample(u);
-                let pdf_dir = self.pdf_dir_environment(wi);
-                let radiance = self.environment(textures, wi);
-                (pdf_dir > 0.0 && radiance != Rgb::ZERO).then(|| LightSample {
-                    wi,
-                    distance: f32::INFINITY,
-                    weight: radiance / pdf_dir,
-                    pdf_dir,
-                    light,
-                })
-            }
+        if let Source::Environment(k) = self.emitters[index].source {
+            let wi = self.environments[k as usize].0.sample(u);
+            return self.environment_sample(textures, wi, self.pdf_dir_environment(wi));
         }
+        let s = self.view(shapes, textures, index as u32, p)?.sample(u)?;
+        Some(LightSample { weight: s.weight / pmf, pdf_dir: s.pdf_dir * pmf, ..s })
     }
 
     /// Radiance that the surface point `at` emits towards the unit vector `w`; zero for what is no lamp.
@@ -238,13 +250,8 @@ impl Lights {
 
     /// Density per solid angle with which [`Self::sample`] at `p` draws the direction to the lamp point `at`.
     pub fn pdf_dir_surface(&self, shapes: &[Shape], p: Vec3, at: &SurfacePoint) -> f32 {
-        let [first, _] = self.lamps[at.shape as usize];
-        if first == NONE {
-            return 0.0;
-        }
-        let lamp = self.lamp(shapes, at.shape);
-        let prim = if matches!(lamp.shape.geometry, Geometry::Mesh(_)) { at.prim } else { 0 };
-        area::pdf_dir(lamp, prim, p, at) * self.table.pmf((first + prim) as usize)
+        let Some(emitter) = self.emitter_at(at) else { return 0.0 };
+        self.pdf_dir_of(shapes, emitter, p, at) * self.table.pmf(emitter as usize)
     }
 
     /// Radiance from infinity along the unit direction `w` (away from the scene): all environment lights.
@@ -261,29 +268,6 @@ impl Lights {
 
 fn mean_channel(c: Rgb) -> f64 {
     c.as_dvec3().element_sum() / 3.0
-}
-
-/// Radiance that arrives at `p` from the sampled point `q` of a lamp, 0 from its dark side.
-fn lamp_radiance(lamp: &Shape, textures: Textures, shape: u32, prim: u32, p: Vec3, q: &area::LampPoint) -> Rgb {
-    let smooth = matches!(&lamp.geometry, Geometry::Mesh(m) if !m.normals.is_empty());
-    match &lamp.emission {
-        // The side has been decided by geometry, and nothing varies over the surface.
-        Some(Color::Constant(c)) if !smooth => *c,
-        Some(color) => {
-            let hit = ShapeHit { t: q.distance, u: q.barycentric.x, v: q.barycentric.y };
-            let at = lamp.surface_point(shape, prim, p, q.wi, hit);
-            if at.n_shade.dot(q.wi) < 0.0 { textures.color(color, at.uv) } else { Rgb::ZERO }
-        }
-        None => Rgb::ZERO,
-    }
-}
-
-/// `u_light` with 24 more bits, hashed from all three numbers: 24 alone would resolve the bins of a table of 100,000
-/// emitters to 1 in 168 only, a bias of its probabilities.
-fn refine(u_light: f32, u: Vec2) -> f64 {
-    let key = (u.x.to_bits() as u64) << 32 | u.y.to_bits() as u64;
-    let more = (hash(key, u_light.to_bits() as u64) >> 40) as f64;
-    (u_light as f64 + more * 2f64.powi(-48)).min(1.0 - f64::EPSILON)
 }
 
 #[cfg(test)]

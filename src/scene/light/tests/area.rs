@@ -1,22 +1,30 @@
 //! Area lamps: chi-square of sampled points against their density, equality of both densities, extremes.
 
-use super::super::area::{self, Lamp, LampPoint};
+use super::super::area::{self, Lamp, LampPoint, Patch};
 use super::*;
 use crate::math::stats::{chi_square_p, sidak};
 use std::f64::consts::PI;
 
 const CELLS: usize = 8;
 
+fn patch(shape: &Shape) -> Option<Patch> {
+    match &shape.geometry {
+        Geometry::Rectangle(r) => Some(Patch::new(r.clone())),
+        _ => None,
+    }
+}
+
+fn view<T>(shape: &Shape, prim: u32, ask: impl FnOnce(Lamp) -> T) -> T {
+    let patch = patch(shape);
+    ask(patch.as_ref().map_or(Lamp::Primitive(shape, prim), Lamp::Parallelogram))
+}
+
 fn sample(shape: &Shape, prim: u32, p: Vec3, u: Vec2) -> Option<LampPoint> {
-    let frame = area::frame(shape);
-    let frame = frame.as_ref();
-    area::sample(Lamp { shape, frame }, prim, p, u)
+    view(shape, prim, |lamp| area::sample(lamp, p, u))
 }
 
 fn pdf_dir(shape: &Shape, prim: u32, p: Vec3, at: &SurfacePoint) -> f32 {
-    let frame = area::frame(shape);
-    let frame = frame.as_ref();
-    area::pdf_dir(Lamp { shape, frame }, prim, p, at)
+    view(shape, prim, |lamp| area::pdf_dir(lamp, p, at))
 }
 
 /// Cell of a lamp point: its texture coordinates, which all shapes have.

@@ -10,6 +10,8 @@ use crate::math::sampler::{hash, unit_f32};
 use crate::math::{DMat4, DVec3};
 use crate::scene::description::{GeometryDesc, ShapeDesc};
 use crate::scene::mesh::MeshData;
+use crate::scene::shape::ShapeHit;
+use crate::scene::texture::Color;
 
 pub(super) const NO_TEXTURES: Textures<'static> = Textures { textures: &[], images: &[] };
 
