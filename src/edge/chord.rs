@@ -57,7 +57,7 @@ pub fn clip(view: &View, a: &Point, b: &Point) -> Option<Chord> {
         keep(a[0] + a[axis], b[0] + b[axis], &mut s);
         keep(a[0] - a[axis], b[0] - b[axis], &mut s);
     }
-    if let Some(l) = view.domain {
+    for l in view.domain.cuts() {
         let f = |q: &Point| l[0] * q[0] + l[1] * q[1] + l[2] * q[2];
         keep(f(a), f(b), &mut s);
     }

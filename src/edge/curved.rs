@@ -152,6 +152,18 @@ impl Curved {
         }
     }
 
+    /// Centre and radius of a ball round it.
+    pub fn ball(&self) -> (DVec3, f64) {
+        match &self.surface {
+            Surface::Sphere(s) => (from_dual(s.centre), s.radius),
+            Surface::Disk(e) => (e.c, e.u.length().max(e.v.length())),
+            Surface::Cylinder(c) => {
+                let half = from_dual(c.axis()) * 0.5;
+                (from_dual(c.a) + half, half.length().hypot(c.radius))
+            }
+        }
+    }
+
     /// Ray parameter at which the ray at p meets the surface, within the rays' range.
     pub fn hit(&self, view: &View, p: [f64; 2]) -> Option<f64> {
         let ray = view.ray_at(p);

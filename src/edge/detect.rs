@@ -11,7 +11,7 @@ use super::curved::{Border, Surface, arcs};
 use super::gather::Surfaces;
 use super::kinds::{Events, Kinds};
 use super::polygon::Polygon;
-use super::view::{Affine, View, at, from_dual, range};
+use super::view::{Affine, Domain, View, at, from_dual, range};
 use crate::scene::mesh::EdgeClass;
 use crate::scene::{Geometry, Scene};
 use dualux_dual::{Expansion, Test, corners_inside};
@@ -94,6 +94,9 @@ impl<'a> Detection<'a> {
             let mut s = [0.0, 1.0];
             keep_affine(&chord, &h.map(|x| -x), 0.0, &mut s);
             gaps.remove(s);
+            if gaps.is_empty() {
+                return false;
+            }
         }
         for (i, polygon) in self.surfaces.polygons.iter().enumerate() {
             if owners.contains(&Some(Owner::Polygon(i))) {
@@ -151,7 +154,7 @@ impl<'a> Detection<'a> {
         if !(lo < 0.0 && hi > 0.0) {
             return false;
         }
-        let Some(p) = line_in_square(&h, self.view.domain) else { return false };
+        let Some(p) = line_in_square(&h, &self.view.domain) else { return false };
         let norm = length(&h);
         let key = self.view.keys[1];
         let chord = Chord { p, key: [key; 2] };
@@ -294,7 +297,7 @@ pub(super) fn length(l: &Affine) -> f64 {
 }
 
 /// The part of a line (an affine function's zero set) inside the square and the domain.
-pub(super) fn line_in_square(l: &Affine, domain: Option<Affine>) -> Option<[[f64; 2]; 2]> {
+pub(super) fn line_in_square(l: &Affine, domain: &Domain) -> Option<[[f64; 2]; 2]> {
     let g2 = l[1] * l[1] + l[2] * l[2];
     let foot = [-l[0] * l[1] / g2, -l[0] * l[2] / g2];
     let scale = 4.0 / g2.sqrt();
@@ -304,7 +307,7 @@ pub(super) fn line_in_square(l: &Affine, domain: Option<Affine>) -> Option<[[f64
     }
     let whole = Chord { p: ends, key: [0.0; 2] };
     let mut s = [0.0, 1.0];
-    for side in [[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 0.0, 1.0], [1.0, 0.0, -1.0]].iter().chain(&domain) {
+    for side in [[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 0.0, 1.0], [1.0, 0.0, -1.0]].iter().chain(domain.cuts()) {
         keep_affine(&whole, side, 0.0, &mut s);
     }
     (s[0] < s[1]).then(|| s.map(|s| whole.at(s)))

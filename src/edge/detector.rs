@@ -3,10 +3,11 @@
 use super::detect::{Detection, Mode, NOTHING};
 use super::gather::{Facet, Surfaces};
 use super::kinds::{Events, Kinds, LightVerdict, Verdict};
-use super::view::{View, range};
+use super::outline::Hull;
+use super::view::{View, at, range};
 use crate::accel::Accel;
 use crate::math::DVec3;
-use crate::scene::Scene;
+use crate::scene::{Scene, Shape};
 use dualux_dual::Test;
 
 /// Settings of an [`EdgeDetector`].
@@ -65,7 +66,7 @@ impl<'a> EdgeDetector<'a> {
     #[inline(always)]
     fn sight(&self, view: &View, exclude: Option<Facet>, all: bool) -> Verdict {
         let beam = view.beam(self.reach);
-        let mut surfaces = Surfaces::new(self, view, Mode::Sight, [exclude, None], None, beam.tmax);
+        let mut surfaces = Surfaces::new(self, view, Mode::Sight, [exclude.unwrap_or(Facet::NONE); 3], None, beam.tmax);
         self.accel.walk(&beam, &mut surfaces);
         let surfaces = &surfaces;
         if surfaces.trouble == Kinds::NONE && surfaces.curved.is_empty() {
@@ -101,8 +102,22 @@ impl<'a> EdgeDetector<'a> {
         detection
     }
 
+    /// Whether rays may pass a surface.
+    #[inline(always)]
+    pub(super) fn lets_pass(&self, shape: &Shape) -> bool {
+        self.passable && self.scene.passes_light[shape.material as usize]
+    }
+
     /// What rays of a family with one origin, a surface point with normal `n` (on the lit side), reach of the far end of their range.
-    pub(super) fn shadow(&self, view: &View, n: Option<DVec3>, exclude: [Option<Facet>; 2], all: bool) -> LightVerdict {
+    /// `hull`: the light's own solid, in which nothing may lie.
+    pub(super) fn shadow(
+        &self,
+        view: &View,
+        n: Option<DVec3>,
+        exclude: [Facet; 3],
+        hull: Option<Hull>,
+        all: bool,
+    ) -> LightVerdict {
         let horizon = n.map(|n| {
             let f = |v: dualux_dual::Vec3<f64>| n.dot(super::view::from_dual(v));
             [f(view.family.d), f(view.family.d_p[0]), f(view.family.d_p[1])]
@@ -112,13 +127,16 @@ impl<'a> EdgeDetector<'a> {
         }
         let beam = view.beam(self.reach);
         let mut surfaces = Surfaces::new(self, view, Mode::Shadow, exclude, n, beam.tmax);
+        surfaces.hull = hull;
         self.accel.walk(&beam, &mut surfaces);
-        let surfaces = &surfaces;
-        if surfaces.covered {
+        if hull.is_some_and(|hull| surfaces.reach_into(&hull)) {
+            surfaces.trouble |= Kinds::UNKNOWN;
+        } else if surfaces.covered {
             return LightVerdict::Blocked;
         }
-        let flat = surfaces.polygons.is_empty() && surfaces.curved.is_empty();
-        if flat && surfaces.trouble == Kinds::NONE && horizon.is_none_or(|h| range(&h).0 >= 0.0) {
+        let surfaces = &surfaces;
+        let none = surfaces.polygons.is_empty() && surfaces.curved.is_empty();
+        if none && surfaces.trouble == Kinds::NONE && horizon.is_none_or(|h| range(&h).0 >= 0.0) {
             return LightVerdict::Visible;
         }
         let detection = self.look(view, surfaces, Mode::Shadow, horizon, all);
@@ -129,8 +147,12 @@ impl<'a> EdgeDetector<'a> {
             LightVerdict::Partial(found)
         } else {
             // Nothing changes: any point tells.
-            let p = if view.domain.is_some() { [-1.0 / 3.0; 2] } else { [0.0; 2] };
-            if detection.is_met(p) { LightVerdict::Blocked } else { LightVerdict::Visible }
+            let p = view.domain.middle;
+            if detection.is_met(p) || horizon.is_some_and(|h| at(&h, p) < 0.0) {
+                LightVerdict::Blocked
+            } else {
+                LightVerdict::Visible
+            }
         }
     }
 }

@@ -4,7 +4,8 @@ use super::EdgeDetector;
 use super::curved::{CORNERS, Curved};
 use super::detect::Mode;
 use super::kinds::Kinds;
-use super::polygon::Polygon;
+use super::outline::Hull;
+use super::polygon::{Polygon, corners};
 use super::view::{View, range};
 use crate::accel::footprint::Visitor;
 use crate::math::{DVec3, Vec3};
@@ -41,9 +42,11 @@ pub struct Surfaces<'a> {
     /// such a surface is blocked.
     pub mode: Mode,
     /// Not to be counted.
-    pub exclude: [Facet; 2],
+    pub exclude: [Facet; 3],
     /// Normal of the plane the rays start from: what lies in it cannot be met.
     pub ground: Option<DVec3>,
+    /// The solid of a round light, if that is what the rays go to: then the walk does not end where it is covered.
+    pub hull: Option<Hull>,
     /// The beam's present end.
     pub limit: f32,
     /// Triangles and rectangles.
@@ -63,7 +66,7 @@ impl<'a> Surfaces<'a> {
         detector: &'a EdgeDetector<'a>,
         view: &'a View,
         mode: Mode,
-        exclude: [Option<Facet>; 2],
+        exclude: [Facet; 3],
         ground: Option<DVec3>,
         limit: f32,
     ) -> Self {
@@ -71,14 +74,22 @@ impl<'a> Surfaces<'a> {
             detector,
             view,
             mode,
-            exclude: [exclude[0].unwrap_or(Facet::NONE), exclude[1].unwrap_or(Facet::NONE)],
+            exclude,
             ground,
+            hull: None,
             limit,
             polygons: SmallVec::new(),
             curved: SmallVec::new(),
             covered: false,
             trouble: Kinds::NONE,
         }
+    }
+
+    /// Whether a surface may reach into the light's solid, so that it need not be in front of its surface.
+    pub fn reach_into(&self, hull: &Hull) -> bool {
+        let scene = self.detector.scene;
+        self.polygons.iter().any(|p| hull.meets_polygon(&p.points(scene)))
+            || self.curved.iter().map(Curved::ball).any(|(c, r)| hull.meets_ball(c, r))
     }
 
     #[inline(always)]
@@ -112,7 +123,7 @@ impl<'a> Surfaces<'a> {
         if self.mode == Mode::Shadow {
             if t > 0.0 && t < self.view.t[1] {
                 self.covered = true;
-                return ControlFlow::Break(());
+                return if self.hull.is_some() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
             }
         } else if t > 0.0 {
             self.limit = self.limit.min((t * (1.0 + 1e-6)) as f32);
@@ -123,7 +134,7 @@ impl<'a> Surfaces<'a> {
     /// Whether rays may pass a surface.
     #[inline(always)]
     fn passes(&self, shape: &Shape) -> bool {
-        self.detector.passable && self.detector.scene.passes_light[shape.material as usize]
+        self.detector.lets_pass(shape)
     }
 
     /// After a surface has been added.
@@ -155,8 +166,7 @@ impl Visitor for Surfaces<'_> {
             if self.exclude.iter().any(|f| f.shape == index) || self.polygons.iter().any(|p| p.shape == index) {
                 return ControlFlow::Continue(());
             }
-            let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
-            return self.polygon(shape, index, Polygon::RECTANGLE, &[c - x - y, c + x - y, c + x + y, c - x + y]);
+            return self.polygon(shape, index, Polygon::RECTANGLE, &corners(r));
         }
         if self.exclude.contains(&Facet { shape: index, prim }) {
             return ControlFlow::Continue(());

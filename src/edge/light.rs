@@ -1,26 +1,21 @@
 //! Lights as seen from a point: which part of an area light reaches it?
 //!
-//! The footprint is the light itself: a rectangle exactly, a triangle as half a parallelogram, a disk or sphere in its
-//! circumscribed parallelogram (what enters only the corners of that counts, which errs towards "partial"). A light made of many
-//! triangles is the sum of its triangles. p = -1..1 spans the light; t = 1 is its surface (sphere: the plane of its outline).
+//! The footprint is the light itself, or what holds it (`outline`): rectangles, triangles and convex quadrilaterals of two
+//! triangles exactly; disks, spheres and cylinders in a parallelogram, which errs towards "partial". A light made of many
+//! parts is the sum of them. p = -1..1 spans the light; t = 1 is its surface (round lights: the plane of their outline).
 //!
-//! Not handled, hence `Unknown`: cylinders as lights, textured emission, points inside a lamp, points on the inner side of a
-//! cylinder or sphere that may shade itself, more than [`MOST_TRIANGLES`] triangles.
+//! Not handled, hence `Unknown`: textured emission, points inside a lamp and surfaces that reach into one, cylinders that shine
+//! inwards, points on the inner side of a sphere or cylinder unless the light lies inside as well, more than
+//! [`MOST_TRIANGLES`] triangles.
 
+use super::EdgeDetector;
 use super::detect::NOTHING;
 use super::gather::Facet;
 use super::kinds::{Events, Kinds, LightVerdict};
-use super::view::{View, to_dual};
-use super::{EdgeDetector, gather};
+pub use super::outline::MOST_TRIANGLES;
+use super::outline::{Facing, Hull, Outline, Part};
 use crate::math::DVec3;
 use crate::scene::{Color, Geometry, SurfacePoint};
-use dualux_dual::{Family, Sphere, margins};
-
-/// Most triangles of a light looked at one by one.
-pub const MOST_TRIANGLES: usize = 64;
-
-/// Rays end this much short of the light, so that what touches it does not shade it.
-const SHORT: f64 = 1.0 - 1e-6;
 
 /// A point that is lit.
 #[derive(Clone, Copy, Debug)]
@@ -49,99 +44,189 @@ fn unknown() -> LightVerdict {
     LightVerdict::Unknown(Events { kinds: Kinds::UNKNOWN, ..NOTHING })
 }
 
-fn parallelogram(o: DVec3, centre: DVec3, half: [DVec3; 2]) -> Option<View> {
-    View::new(Family::towards(to_dual(o), to_dual(centre), half.map(to_dual)), [0.0, SHORT])
+/// A light prepared for queries from many points: what does not depend on the point is computed once.
+#[derive(Clone, Debug)]
+pub struct Lamp {
+    light: u32,
+    parts: Option<Vec<Part>>,
 }
 
 impl EdgeDetector<'_> {
     /// What the receiver sees of the light that is shape `light`. With `all`, every event is looked for, not only one.
+    /// From many points: [`lamp`](Self::lamp).
     pub fn light(&self, light: u32, from: &Receiver, all: bool) -> LightVerdict {
         let shape = &self.scene.shapes[light as usize];
-        if !matches!(shape.emission, Some(Color::Constant(_))) || !self.shades_simply(from) {
+        if !matches!(shape.emission, Some(Color::Constant(_))) {
             return unknown();
         }
-        let ask = |view: Option<View>| match view {
+        match &shape.geometry {
+            Geometry::Mesh(mesh) if mesh.triangles.len() > MOST_TRIANGLES => unknown(),
+            Geometry::Mesh(mesh) => {
+                let part = |prim: u32| Part::of_mesh(mesh, light, prim).map(|part| self.part(&part, from, all));
+                (0..mesh.triangles.len() as u32).filter_map(part).reduce(both).unwrap_or(LightVerdict::Blocked)
+            }
+            Geometry::Sphere(s) => {
+                let (c, r) = (s.center.as_dvec3(), f64::from(s.radius));
+                match Outline::sphere(from.p, c, r) {
+                    None => unknown(),
+                    Some(_) if s.flip => LightVerdict::Blocked,
+                    Some(outline) => self.round(light, &outline, Hull::Ball(c, r), from, all),
+                }
+            }
+            Geometry::Cylinder(c) if c.flip => unknown(),
+            Geometry::Cylinder(c) => match Outline::cylinder(from.p, c) {
+                None => LightVerdict::Blocked,
+                Some(outline) => {
+                    let p0 = c.p0.as_dvec3();
+                    let hull = Hull::Tube([p0, p0 + c.axis.as_dvec3()], f64::from(c.radius));
+                    self.round(light, &outline, hull, from, all)
+                }
+            },
+            geometry @ (Geometry::Rectangle(_) | Geometry::Disk(_)) => match flat(geometry, light) {
+                Some(part) => self.part(&part, from, all),
+                None => unknown(),
+            },
+        }
+    }
+
+    /// The same for one primitive of a light: triangle `prim` of a mesh (other shapes are one primitive).
+    pub fn light_prim(&self, light: u32, prim: u32, from: &Receiver, all: bool) -> LightVerdict {
+        let shape = &self.scene.shapes[light as usize];
+        match &shape.geometry {
+            Geometry::Mesh(mesh) if matches!(shape.emission, Some(Color::Constant(_))) => {
+                self.part(&Part::triangle(mesh, light, prim), from, all)
+            }
+            Geometry::Mesh(_) => unknown(),
+            _ => self.light(light, from, all),
+        }
+    }
+
+    /// Prepares a light for [`seen_from`](Self::seen_from).
+    pub fn lamp(&self, light: u32) -> Lamp {
+        let shape = &self.scene.shapes[light as usize];
+        let parts = match &shape.geometry {
+            _ if !matches!(shape.emission, Some(Color::Constant(_))) => None,
+            Geometry::Mesh(mesh) if mesh.triangles.len() <= MOST_TRIANGLES => {
+                Some((0..mesh.triangles.len() as u32).filter_map(|prim| Part::of_mesh(mesh, light, prim)).collect())
+            }
+            geometry => flat(geometry, light).map(|part| vec![part]),
+        };
+        Lamp { light, parts }
+    }
+
+    /// What the receiver sees of a prepared light: the same answer as [`light`](Self::light).
+    #[inline]
+    pub fn seen_from(&self, lamp: &Lamp, from: &Receiver, all: bool) -> LightVerdict {
+        match lamp.parts.as_deref() {
+            None => self.light(lamp.light, from, all),
+            Some(parts) => {
+                parts.iter().map(|part| self.part(part, from, all)).reduce(both).unwrap_or(LightVerdict::Blocked)
+            }
+        }
+    }
+
+    /// A flat part of a light.
+    #[inline(always)]
+    fn part(&self, part: &Part, from: &Receiver, all: bool) -> LightVerdict {
+        let facing = match &part.facing {
+            Facing::Flat(n) => n.dot(from.p - part.outline.centre),
+            // Which side emits is the interpolated normal's to say: linear in the barycentrics but for its length.
+            Facing::Smooth(corners) => {
+                let towards = |[v, n]: &[DVec3; 2]| n.dot(from.p - *v);
+                let lit = corners.iter().filter(|c| towards(c) > 0.0).count();
+                if lit > 0 && lit < corners.len() {
+                    return LightVerdict::Partial(Events { kinds: Kinds::EMITTER, ..NOTHING });
+                }
+                lit as f64
+            }
+        };
+        if facing <= 0.0 {
+            return LightVerdict::Blocked;
+        }
+        match self.inner_side(from, &part.outline, 0.0) {
+            Inner::Simple => {}
+            Inner::Hidden => return LightVerdict::Blocked,
+            Inner::Unknown => return unknown(),
+        }
+        match part.outline.view(from.p) {
             // Seen edge-on.
             None => LightVerdict::Blocked,
             Some(view) => {
-                let lamp = Facet { shape: light, prim: u32::MAX };
-                self.shadow(&view, from.n, [from.facet, Some(lamp)], all)
-            }
-        };
-        match &shape.geometry {
-            Geometry::Rectangle(r) => {
-                let c = r.center.as_dvec3();
-                if r.n.as_dvec3().dot(from.p - c) <= 0.0 {
-                    return LightVerdict::Blocked;
-                }
-                ask(parallelogram(from.p, c, [r.ex.as_dvec3(), r.ey.as_dvec3()]))
-            }
-            Geometry::Disk(d) => {
-                let c = d.center.as_dvec3();
-                if d.n.as_dvec3().dot(from.p - c) <= 0.0 {
-                    return LightVerdict::Blocked;
-                }
-                ask(parallelogram(from.p, c, [d.ex.as_dvec3(), d.ey.as_dvec3()]))
-            }
-            Geometry::Sphere(s) => {
-                let sphere = Sphere::new(to_dual(s.center.as_dvec3()), f64::from(s.radius));
-                let Some(circle) = margins::sphere_silhouette(to_dual(from.p), &sphere) else {
-                    return unknown();
-                };
-                if s.flip {
-                    return LightVerdict::Blocked;
-                }
-                let n = super::view::from_dual(circle.normal).normalize();
-                let u = n.any_orthonormal_vector() * circle.radius;
-                ask(parallelogram(from.p, super::view::from_dual(circle.centre), [u, n.cross(u)]))
-            }
-            Geometry::Cylinder(_) => unknown(),
-            Geometry::Mesh(mesh) if mesh.triangles.len() > MOST_TRIANGLES => unknown(),
-            Geometry::Mesh(mesh) => {
-                let one = |prim: u32| self.triangle(light, prim, from, all);
-                (0..mesh.triangles.len() as u32).map(one).reduce(both).unwrap_or(LightVerdict::Blocked)
+                let facets = [from.facet.unwrap_or(Facet::NONE), part.facets[0], part.facets[1]];
+                self.shadow(&view, from.n, facets, None, all)
             }
         }
     }
 
-    /// One triangle of a mesh that is a light.
-    fn triangle(&self, light: u32, prim: u32, from: &Receiver, all: bool) -> LightVerdict {
-        let Geometry::Mesh(mesh) = &self.scene.shapes[light as usize].geometry else { return unknown() };
-        let [a, b, c] = mesh.corners(prim).map(|v| v.as_dvec3());
-        // Which side emits is the interpolated normal's to say: linear in the barycentrics but for its length.
-        let face = (b - a).cross(c - a).normalize();
-        let towards = |i: usize, v: DVec3| match mesh.normals.is_empty() {
-            true => face.dot(from.p - a),
-            false => mesh.normals[mesh.triangles[prim as usize][i] as usize].as_dvec3().dot(from.p - v),
-        };
-        let sides = [towards(0, a), towards(1, b), towards(2, c)];
-        if sides.iter().all(|s| *s <= 0.0) {
-            return LightVerdict::Blocked;
+    /// A round light in its outline.
+    fn round(&self, light: u32, outline: &Outline, hull: Hull, from: &Receiver, all: bool) -> LightVerdict {
+        match self.inner_side(from, outline, hull.thickness()) {
+            Inner::Simple => {}
+            Inner::Hidden => return LightVerdict::Blocked,
+            Inner::Unknown => return unknown(),
         }
-        if sides.iter().any(|s| *s <= 0.0) {
-            return LightVerdict::Partial(Events { kinds: Kinds::EMITTER, ..NOTHING });
-        }
-        let Some(mut view) = parallelogram(from.p, 0.5 * (b + c), [0.5 * (b - a), 0.5 * (c - a)]) else {
-            return LightVerdict::Blocked;
-        };
-        view.domain = Some([0.0, -1.0, -1.0]);
-        self.shadow(&view, from.n, [from.facet, Some(gather::Facet { shape: light, prim })], all)
+        let Some(view) = outline.view(from.p) else { return unknown() };
+        let lamp = Facet { shape: light, prim: 0 };
+        self.shadow(&view, from.n, [from.facet.unwrap_or(Facet::NONE), lamp, lamp], Some(hull), all)
     }
+}
+/// Whether the receiver's own shape, excluded as a whole, shades it otherwise than by its horizon.
+enum Inner {
+    /// It does not.
+    Simple,
+    /// It lies between the receiver and all of the light.
+    Hidden,
+    Unknown,
+}
 
-    /// Whether the receiver's own shape, excluded as a whole, cannot shade it but by its horizon.
-    fn shades_simply(&self, from: &Receiver) -> bool {
-        let Some(facet) = from.facet else { return true };
+impl EdgeDetector<'_> {
+    /// `thickness`: how far the light may stand out of its outline.
+    #[inline(always)]
+    fn inner_side(&self, from: &Receiver, outline: &Outline, thickness: f64) -> Inner {
+        let Some(facet) = from.facet else { return Inner::Simple };
+        let shape = &self.scene.shapes[facet.shape as usize];
         let outside = |c: DVec3| from.n.is_some_and(|n| n.dot(from.p - c) > 0.0);
-        match &self.scene.shapes[facet.shape as usize].geometry {
-            Geometry::Sphere(s) => outside(s.center.as_dvec3()),
-            Geometry::Cylinder(c) => {
-                let axis = c.axis.as_dvec3();
-                let along = axis.dot(from.p - c.p0.as_dvec3()) / axis.length_squared();
-                outside(c.p0.as_dvec3() + axis * along)
+        match &shape.geometry {
+            Geometry::Sphere(s) if !outside(s.center.as_dvec3()) => {
+                let (c, r) = (s.center.as_dvec3(), f64::from(s.radius));
+                let reach = outline.half[0].length() + outline.half[1].length() + thickness;
+                if outline.corners().iter().all(|x| (*x - c).length() + thickness <= r) {
+                    Inner::Simple
+                } else if (outline.centre - c).length() - reach > r && !self.lets_pass(shape) {
+                    Inner::Hidden
+                } else {
+                    Inner::Unknown
+                }
             }
-            _ => true,
+            Geometry::Cylinder(c) => {
+                let (p0, axis, r) = (c.p0.as_dvec3(), c.axis.as_dvec3(), f64::from(c.radius));
+                let along = |x: DVec3| axis.dot(x - p0) / axis.length_squared();
+                // Convex: what lies inside with all of its corners is not shaded.
+                let inside = |x: DVec3| {
+                    let (z, off) = (along(x), (x - p0 - axis * along(x)).length());
+                    (0.0..=1.0).contains(&z) && off + thickness <= r
+                };
+                if outside(p0 + axis * along(from.p)) || outline.corners().into_iter().all(inside) {
+                    Inner::Simple
+                } else {
+                    Inner::Unknown
+                }
+            }
+            _ => Inner::Simple,
         }
     }
+}
+
+/// A rectangle or disk.
+#[inline(always)]
+fn flat(geometry: &Geometry, light: u32) -> Option<Part> {
+    let (c, x, y, n) = match geometry {
+        Geometry::Rectangle(r) => (r.center, r.ex, r.ey, r.n),
+        Geometry::Disk(d) => (d.center, d.ex, d.ey, d.n),
+        _ => return None,
+    };
+    let outline = Outline::whole(c.as_dvec3(), [x.as_dvec3(), y.as_dvec3()]);
+    Some(Part { outline, facets: [Facet { shape: light, prim: 0 }; 2], facing: Facing::Flat(n.as_dvec3()) })
 }
 
 /// Of two parts of a light.

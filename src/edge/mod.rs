@@ -6,7 +6,7 @@
 //! ```
 //!
 //! * [`view`]: a family as a projection; [`pixel`], [`light`], [`emission`]: the families
-//! * `gather`, `polygon`, `curved`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
+//! * `gather`, `polygon`, `curved`, `outline`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
 //! * [`detector`], `detect`, `swaps`: `any` and `all` queries; [`kinds`]: what they answer
 //! * [`predicted`], [`chain`]: origins that move: lenses, mirrors, glass
 //! * [`oracle`], [`score`]: brute force, and the detector held against it
@@ -26,6 +26,7 @@ pub mod kinds;
 pub mod light;
 pub mod map;
 pub mod oracle;
+mod outline;
 pub mod pixel;
 mod polygon;
 pub mod predicted;

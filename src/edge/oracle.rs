@@ -62,24 +62,36 @@ pub fn sight(scene: &Scene, accel: &Accel, view: &View, n: usize) -> bool {
     false
 }
 
-/// Whether some, and some not, of n x n points of a rectangular light are seen from the receiver; `None` for other lights.
+/// Whether some, and some not, of about n x n points of a light (on each triangle: n x n) are seen from the receiver. Of round lights
+/// only what turns to the receiver counts. `None` where they turn nothing.
 pub fn light(scene: &Scene, accel: &Accel, light: u32, from: &Receiver, n: usize) -> Option<bool> {
-    let Geometry::Rectangle(r) = &scene.shapes[light as usize].geometry else { return None };
+    let shape = &scene.shapes[light as usize];
+    let (prims, round) = match &shape.geometry {
+        Geometry::Mesh(mesh) => (mesh.triangles.len() as u32, false),
+        Geometry::Rectangle(_) | Geometry::Disk(_) => (1, false),
+        Geometry::Sphere(_) | Geometry::Cylinder(_) => (1, true),
+    };
     let mut seen = [false; 2];
-    for y in 0..n {
-        for x in 0..n {
-            let q = r.center.as_dvec3() + r.ex.as_dvec3() * grid(x, n) + r.ey.as_dvec3() * grid(y, n);
-            let d = q - from.p;
-            let lit = from.n.is_none_or(|n| n.dot(d) > 0.0) && r.n.as_dvec3().dot(d) < 0.0 && {
-                let o = from.p + from.n.unwrap_or(DVec3::ZERO) * (1e-5 * d.length());
-                let ray = Ray { o: o.as_vec3(), d: (q - o).as_vec3(), tmin: 1e-6, tmax: 1.0 - 1e-4 };
-                !accel.occluded(&ray)
-            };
-            seen[usize::from(lit)] = true;
-            if seen == [true; 2] {
-                return Some(true);
-            }
+    for i in 0..prims as usize * n * n {
+        let (prim, x, y) = (i / (n * n), i % n, i / n % n);
+        let u = crate::math::Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / n as f32;
+        let (at, _) = shape.sample_area(light, prim as u32, u);
+        let q = at.p.as_dvec3();
+        let d = q - from.p;
+        let turned = at.n_shade.as_dvec3().dot(d) < 0.0;
+        if round && !turned {
+            continue;
+        }
+        let lit = turned && from.n.is_none_or(|n| n.dot(d) > 0.0) && {
+            let o = from.p + from.n.unwrap_or(DVec3::ZERO) * (1e-5 * d.length());
+            // It ends before the light, and before what a round light's own surface is off by there.
+            let ray = Ray { o: o.as_vec3(), d: (q - o).as_vec3(), tmin: 1e-6, tmax: 1.0 - 1e-4 };
+            !accel.occluded(&ray)
+        };
+        seen[usize::from(lit)] = true;
+        if seen == [true; 2] {
+            return Some(true);
         }
     }
-    Some(false)
+    (seen != [false; 2]).then_some(false)
 }

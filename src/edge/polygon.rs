@@ -5,6 +5,16 @@
 
 use super::view::{Affine, Point, View, at, line, range};
 use crate::math::DVec3;
+use crate::scene::shape::Rectangle;
+use crate::scene::{Geometry, Scene};
+use arrayvec::ArrayVec;
+
+/// Corners of a rectangle, in order.
+#[inline(always)]
+pub fn corners(r: &Rectangle) -> [DVec3; 4] {
+    let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
+    [c - x - y, c + x - y, c + x + y, c - x + y]
+}
 
 /// A polygon that reaches the footprint.
 #[derive(Clone, Copy, Debug)]
@@ -83,6 +93,15 @@ impl Polygon {
     #[inline(always)]
     pub fn sides(&self) -> &[Affine] {
         &self.sides[..usize::from(self.len)]
+    }
+
+    /// Its corners in the world.
+    pub fn points(&self, scene: &Scene) -> ArrayVec<DVec3, 4> {
+        match &scene.shapes[self.shape as usize].geometry {
+            Geometry::Mesh(mesh) => mesh.corners(self.prim).into_iter().map(|c| c.as_dvec3()).collect(),
+            Geometry::Rectangle(r) => corners(r).into_iter().collect(),
+            _ => ArrayVec::new(),
+        }
     }
 
     /// Whether side k may cross the footprint.

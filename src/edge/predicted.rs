@@ -187,8 +187,7 @@ impl<const N: usize> Visitor for Predictor<'_, N> {
     fn triangle(&mut self, index: u32, prim: u32, corners: [crate::math::Vec3; 3]) -> ControlFlow<()> {
         match &self.scene.shapes[index as usize].geometry {
             Geometry::Rectangle(r) if !self.excluded(index, None) => {
-                let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
-                let points = [c - x - y, c + x - y, c + x + y, c - x + y];
+                let points = super::polygon::corners(r);
                 self.covers(&points);
                 for k in 0..4 {
                     self.segment(Kinds::BOUNDARY, index, points[k], points[(k + 1) % 4]);

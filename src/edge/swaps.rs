@@ -8,10 +8,7 @@ use super::chord::{Chord, keep, keep_affine};
 use super::curved::{Circle, Surface, arcs};
 use super::detect::{Detection, Mode, Owner, length, line_in_square};
 use super::kinds::Kinds;
-use super::polygon::Polygon;
 use super::view::{Affine, at, from_dual, range, to_dual};
-use crate::math::DVec3;
-use crate::scene::Geometry;
 use dualux_dual::{Plane, Sphere, margins};
 
 impl Detection<'_> {
@@ -34,7 +31,8 @@ impl Detection<'_> {
         for i in 0..curved.len() {
             let Surface::Sphere(sphere) = curved[i].surface else { continue };
             for j in 0..polygons.len() {
-                let [a, b, c] = self.points(&polygons[j]);
+                let points = polygons[j].points(self.scene);
+                let (a, b, c) = (points[0], points[1], points[2]);
                 let plane = Plane::new(to_dual(a), to_dual((b - a).cross(c - a)));
                 let circle = margins::plane_sphere_circle(&plane, &sphere);
                 if self.circle_swap(circle, &[sphere], [Owner::Curved(i), Owner::Polygon(j)]) {
@@ -53,7 +51,7 @@ impl Detection<'_> {
     }
 
     fn swap(&mut self, i: usize, j: usize, difference: &Affine) -> bool {
-        let Some(p) = line_in_square(difference, self.view.domain) else { return false };
+        let Some(p) = line_in_square(difference, &self.view.domain) else { return false };
         let (a, b) = (&self.surfaces.polygons[i], &self.surfaces.polygons[j]);
         let whole = Chord { p, key: p.map(|p| at(&a.key, p)) };
         let mut s = [0.0, 1.0];
@@ -116,7 +114,7 @@ impl Detection<'_> {
             if !(lo < 0.0 && hi > 0.0) {
                 continue;
             }
-            let Some(p) = line_in_square(&before, self.view.domain) else { continue };
+            let Some(p) = line_in_square(&before, &self.view.domain) else { continue };
             let whole = Chord { p, key: [far; 2] };
             let mut s = [0.0, 1.0];
             for side in polygon.sides() {
@@ -133,17 +131,5 @@ impl Detection<'_> {
             }
         }
         false
-    }
-
-    /// Three corners of a polygon in the world.
-    fn points(&self, polygon: &Polygon) -> [DVec3; 3] {
-        match &self.scene.shapes[polygon.shape as usize].geometry {
-            Geometry::Mesh(mesh) => mesh.corners(polygon.prim).map(|c| c.as_dvec3()),
-            Geometry::Rectangle(r) => {
-                let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
-                [c - x - y, c + x - y, c + x + y]
-            }
-            _ => [DVec3::ZERO; 3],
-        }
     }
 }

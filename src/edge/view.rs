@@ -41,11 +41,38 @@ pub struct View {
     pub t: [f64; 2],
     /// One origin (else one direction).
     pub perspective: bool,
-    /// A half-plane of the footprint outside of which nothing counts (a triangular light).
-    pub domain: Option<Affine>,
+    /// What of the footprint counts.
+    pub domain: Domain,
     /// Depth keys of the range's ends.
     pub keys: [f64; 2],
     rows: [DVec3; 3],
+}
+
+/// The part of a footprint that counts, for lights that are no parallelograms: inside of at most two lines.
+#[derive(Clone, Copy, Debug)]
+pub struct Domain {
+    cuts: [Affine; 2],
+    len: u8,
+    /// A point inside.
+    pub middle: [f64; 2],
+}
+
+impl Domain {
+    /// All of the square.
+    pub const WHOLE: Domain = Domain { cuts: [[0.0; 3]; 2], len: 0, middle: [0.0; 2] };
+
+    /// Where at most two functions are positive, as they are at `middle`.
+    pub fn cut(by: &[Affine], middle: [f64; 2]) -> Self {
+        let mut domain = Domain { len: by.len().min(2) as u8, middle, ..Domain::WHOLE };
+        domain.cuts.iter_mut().zip(by).for_each(|(to, from)| *to = *from);
+        domain
+    }
+
+    /// Positive inside.
+    #[inline(always)]
+    pub fn cuts(&self) -> &[Affine] {
+        &self.cuts[..usize::from(self.len)]
+    }
 }
 
 /// Largest and smallest value over the square.
@@ -81,7 +108,13 @@ impl View {
         let inv = 1.0 / d.dot(rows[0]);
         let keys = if perspective { t.map(|t| -1.0 / t) } else { t };
         let rows = [rows[0] * inv, rows[1] * inv, rows[2] * inv];
-        inv.is_finite().then_some(View { family, t, perspective, domain: None, keys, rows })
+        inv.is_finite().then_some(View { family, t, perspective, domain: Domain::WHOLE, keys, rows })
+    }
+
+    /// The same rays, of which less counts.
+    #[inline(always)]
+    pub fn in_domain(self, domain: Domain) -> Self {
+        View { domain, ..self }
     }
 
     /// The same rays with another range.

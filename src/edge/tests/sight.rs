@@ -1,117 +1,17 @@
-//! Exactness against the dual margins, recall 1 where expansions are exact, and what must not fire.
+//! What a footprint with one origin sees.
 
-use super::kinds::{Kinds, LightVerdict, Verdict};
-use super::light::Receiver;
-use super::view::{View, line, to_dual};
-use super::{EdgeDetector, Settings, oracle};
+use super::{Rng, ball, quad, random_view, scene, shape, soup};
 use crate::accel::Accel;
 use crate::accel::footprint::Visitor;
-use crate::math::sampler::{hash, unit_f32};
+use crate::edge::view::{View, line, to_dual};
+use crate::edge::{EdgeDetector, Kinds, Settings, Verdict, oracle};
 use crate::math::{DMat4, DVec3, Vec3};
-use crate::scene::description::{
-    CameraDesc, Description, FilmDesc, GeometryDesc, IntegratorDesc, Projection, ShapeDesc,
-};
+use crate::scene::description::GeometryDesc;
 use crate::scene::mesh::MeshData;
-use crate::scene::{Color, Material, Scene};
 use dualux_dual::num_dual::DualSVec64;
 use dualux_dual::{Family, Jet, Neighbours, Test, margins};
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
-
-struct Rng(u64, u64);
-
-impl Rng {
-    fn unit(&mut self) -> f64 {
-        self.1 += 1;
-        f64::from(unit_f32(hash(self.0, self.1)))
-    }
-    fn range(&mut self, lo: f64, hi: f64) -> f64 {
-        lo + (hi - lo) * self.unit()
-    }
-    fn cube(&mut self, size: f64) -> DVec3 {
-        DVec3::new(self.range(-size, size), self.range(-size, size), self.range(-size, size))
-    }
-}
-
-fn shape(geometry: GeometryDesc, to_world: DMat4) -> ShapeDesc {
-    ShapeDesc { name: "s".into(), geometry, to_world, flip_normals: false, material: 0, emission: None }
-}
-
-fn ball(center: DVec3, radius: f64) -> ShapeDesc {
-    shape(GeometryDesc::Sphere { center, radius }, DMat4::IDENTITY)
-}
-
-fn quad(c: DVec3, x: DVec3, y: DVec3) -> ShapeDesc {
-    let n = x.cross(y).normalize();
-    shape(GeometryDesc::Rectangle, DMat4::from_cols(x.extend(0.0), y.extend(0.0), n.extend(0.0), c.extend(1.0)))
-}
-
-fn scene(shapes: Vec<ShapeDesc>) -> (Scene, Accel) {
-    scene_of(shapes, Material::Diffuse { reflectance: Color::Constant(Vec3::ONE) })
-}
-
-fn scene_of(shapes: Vec<ShapeDesc>, material: Material) -> (Scene, Accel) {
-    let description = Description {
-        camera: CameraDesc {
-            to_world: DMat4::IDENTITY,
-            projection: Projection::Perspective {
-                x_fov: 1.0,
-                principal_point_offset: [0.0; 2],
-                aperture_radius: 0.0,
-                focus_distance: 1.0,
-            },
-            near_clip: 0.0,
-            far_clip: 1e6,
-        },
-        film: FilmDesc {
-            width: 64,
-            height: 64,
-            crop: [0, 0, 64, 64],
-            filter: crate::math::filter::PixelFilter::Box { radius: 0.5 },
-        },
-        integrator: IntegratorDesc::default(),
-        sample_count: None,
-        seed: 0,
-        images: vec![],
-        textures: vec![],
-        materials: vec![material],
-        shapes,
-        lights: vec![],
-    };
-    let scene = Scene::new(description).unwrap();
-    let accel = Accel::new(&scene.shapes);
-    (scene, accel)
-}
-
-fn random_view(rng: &mut Rng, o: DVec3, aim: DVec3, half: f64) -> View {
-    let d = aim - o;
-    let (u, v) = (rng.cube(1.0), rng.cube(1.0));
-    let side = |u: DVec3| to_dual((u - d * (u.dot(d) / d.length_squared())).normalize() * half * d.length());
-    View::new(Family::fixed(to_dual(o), to_dual(d), [side(u), side(v)]), [0.0, f64::INFINITY]).unwrap()
-}
-
-/// Soup of rectangles, a mesh, balls, a disk and a cylinder.
-fn soup(rng: &mut Rng, n: usize, kinds: usize) -> Vec<ShapeDesc> {
-    let mut shapes = Vec::new();
-    for i in 0..n {
-        let (c, x) = (rng.cube(3.0), rng.cube(0.6));
-        let y = x.cross(rng.cube(1.0)).normalize() * rng.range(0.05, 0.6);
-        shapes.push(match i % kinds {
-            0 | 1 => quad(c, x, y),
-            2 => ball(c, rng.range(0.02, 0.5)),
-            3 => shape(
-                GeometryDesc::Disk,
-                DMat4::from_cols(x.extend(0.0), y.extend(0.0), x.cross(y).normalize().extend(0.0), c.extend(1.0)),
-            ),
-            _ => shape(GeometryDesc::Cylinder { p0: c, p1: c + x, radius: rng.range(0.02, 0.3) }, DMat4::IDENTITY),
-        });
-    }
-    shapes.push(shape(
-        GeometryDesc::Cube,
-        DMat4::from_translation(DVec3::new(0.5, 0.2, 0.0)) * DMat4::from_rotation_y(0.7),
-    ));
-    shapes
-}
 
 #[test]
 fn projected_lines_are_the_dual_margins() {
@@ -318,71 +218,4 @@ fn hidden_edges_do_not_count() {
     assert_eq!(detector.all(&view(DVec3::new(0.5, 0.0, 0.0), 0.05), None), Verdict::Clear);
     let seam = detector.all(&view(DVec3::new(0.0, 0.0, 0.0), 0.05), None);
     assert_eq!(seam.kinds(), Kinds::BOUNDARY, "the seam of the wall only");
-}
-
-fn lamp(mut shape: ShapeDesc) -> ShapeDesc {
-    shape.emission = Some(Color::Constant(Vec3::ONE));
-    shape
-}
-
-#[test]
-fn light_verdicts_agree_with_shadow_rays() {
-    let mut rng = Rng(8, 0);
-    let light = lamp(quad(DVec3::new(0.0, 4.0, 0.0), DVec3::X * 1.2, DVec3::Z * 0.8)); // x cross z points down
-    let mut shapes = vec![light];
-    for i in 0..14 {
-        let (c, a) = (rng.cube(2.0), rng.range(0.0, 6.0));
-        let turn = DMat4::from_translation(c) * DMat4::from_rotation_y(a) * DMat4::from_rotation_x(0.3 * a);
-        shapes.push(match i % 3 {
-            0 => shape(GeometryDesc::Cube, turn * DMat4::from_scale(DVec3::new(0.4, 0.3, 0.05))),
-            1 => ball(c, rng.range(0.05, 0.4)),
-            _ => shape(GeometryDesc::Disk, turn * DMat4::from_scale(DVec3::splat(0.4))),
-        });
-    }
-    let (scene, accel) = scene(shapes);
-    let detector = EdgeDetector::new(&scene, &accel);
-    let mut counts = [0; 3];
-    let (mut wrong, mut unsure) = (0, 0);
-    for _ in 0..3000 {
-        let from = Receiver { p: DVec3::new(rng.range(-3.0, 3.0), -2.5, rng.range(-3.0, 3.0)), n: None, facet: None };
-        let n = (DVec3::Y + rng.cube(1.5)).normalize();
-        let from = Receiver { n: Some(n), ..from };
-        let truth = oracle::light(&scene, &accel, 0, &from, 24).unwrap();
-        match detector.light(0, &from, false) {
-            LightVerdict::Visible => {
-                counts[0] += 1;
-                wrong += usize::from(truth);
-            }
-            LightVerdict::Blocked => {
-                counts[1] += 1;
-                wrong += usize::from(truth);
-            }
-            LightVerdict::Partial(_) => {
-                counts[2] += 1;
-                unsure += usize::from(!truth);
-            }
-            LightVerdict::Unknown(e) => panic!("{e:?}"),
-        }
-    }
-    assert!(counts.iter().all(|&c| c > 100), "{counts:?}");
-    assert_eq!(wrong, 0, "{counts:?}");
-    assert!(unsure * 10 < counts[2], "{unsure} of {counts:?} only touch");
-}
-
-#[test]
-fn masks_are_unknown_and_never_clear() {
-    let mask = Material::Null;
-    let x = DVec3::X * 4.0;
-    let lamp = lamp(quad(DVec3::new(0.0, 4.0, 0.0), DVec3::X, DVec3::Z));
-    let (masked, accel) = scene_of(vec![lamp, quad(DVec3::ZERO, x, DVec3::Z * 4.0)], mask);
-    let detector = EdgeDetector::new(&masked, &accel);
-    let from = Receiver { p: DVec3::new(0.0, -2.0, 0.0), n: Some(DVec3::Y), facet: None };
-    assert!(matches!(detector.light(0, &from, false), LightVerdict::Unknown(_)));
-    let (scene, accel) = scene(vec![scene_lamp(), quad(DVec3::ZERO, x, DVec3::Z * 4.0)]);
-    let detector = EdgeDetector::new(&scene, &accel);
-    assert_eq!(detector.light(0, &from, false), LightVerdict::Blocked);
-}
-
-fn scene_lamp() -> ShapeDesc {
-    lamp(quad(DVec3::new(0.0, 4.0, 0.0), DVec3::X, DVec3::Z))
 }

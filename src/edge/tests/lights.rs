@@ -1,0 +1,189 @@
+//! What a point sees of a light.
+
+use super::{Rng, ball, quad, scene, scene_of, shape};
+use crate::edge::light::Receiver;
+use crate::edge::{EdgeDetector, LightVerdict, oracle};
+use crate::math::{DMat4, DVec3, Vec3};
+use crate::scene::description::{GeometryDesc, ShapeDesc};
+use crate::scene::mesh::MeshData;
+use crate::scene::{Color, Material};
+
+fn lamp(mut shape: ShapeDesc) -> ShapeDesc {
+    shape.emission = Some(Color::Constant(Vec3::ONE));
+    shape
+}
+
+/// Boxes, balls and disks round the origin.
+fn clutter(rng: &mut Rng) -> Vec<ShapeDesc> {
+    let mut shapes = Vec::new();
+    for i in 0..14 {
+        let (c, a) = (rng.cube(2.0), rng.range(0.0, 6.0));
+        let turn = DMat4::from_translation(c) * DMat4::from_rotation_y(a) * DMat4::from_rotation_x(0.3 * a);
+        shapes.push(match i % 3 {
+            0 => shape(GeometryDesc::Cube, turn * DMat4::from_scale(DVec3::new(0.4, 0.3, 0.05))),
+            1 => ball(c, rng.range(0.05, 0.4)),
+            _ => shape(GeometryDesc::Disk, turn * DMat4::from_scale(DVec3::splat(0.4))),
+        });
+    }
+    shapes
+}
+
+/// A mesh without vertex normals.
+fn facets(positions: &[DVec3], triangles: &[[u32; 3]]) -> ShapeDesc {
+    let data = MeshData {
+        positions: positions.iter().map(|p| p.as_vec3()).collect(),
+        triangles: triangles.to_vec(),
+        face_normals: true,
+        ..MeshData::default()
+    };
+    shape(GeometryDesc::Mesh(data), DMat4::IDENTITY)
+}
+
+/// Points below the clutter and near it, most of them turned upwards.
+fn receiver(rng: &mut Rng) -> Receiver {
+    let p = DVec3::new(rng.range(-3.0, 3.0), rng.range(-2.5, -1.0), rng.range(-3.0, 3.0));
+    Receiver { p, n: Some((DVec3::Y + rng.cube(1.5)).normalize()), facet: None }
+}
+
+/// Holds the verdicts on light 0, over clutter, against shadow rays: (visible, blocked, partial), partial without cause.
+fn agree(seed: u64, light: ShapeDesc, receivers: usize) -> ([usize; 3], usize) {
+    let mut rng = Rng(seed, 0);
+    let mut shapes = vec![lamp(light)];
+    shapes.extend(clutter(&mut rng));
+    let (scene, accel) = scene(shapes);
+    let detector = EdgeDetector::new(&scene, &accel);
+    let prepared = detector.lamp(0);
+    let (mut counts, mut unsure) = ([0; 3], 0);
+    for _ in 0..receivers {
+        let from = receiver(&mut rng);
+        let Some(truth) = oracle::light(&scene, &accel, 0, &from, 24) else { continue };
+        let verdict = detector.light(0, &from, false);
+        assert_eq!(verdict, detector.seen_from(&prepared, &from, false));
+        match verdict {
+            LightVerdict::Visible => counts[0] += 1,
+            LightVerdict::Blocked => counts[1] += 1,
+            LightVerdict::Partial(_) => counts[2] += 1,
+            LightVerdict::Unknown(e) => panic!("{e:?}"),
+        }
+        if matches!(verdict, LightVerdict::Partial(_)) {
+            unsure += usize::from(!truth);
+        } else {
+            assert!(!truth, "{verdict:?} from {from:?}");
+        }
+    }
+    assert!(counts.iter().all(|&c| c * 30 > receivers), "{counts:?}");
+    (counts, unsure)
+}
+
+const ABOVE: DVec3 = DVec3::new(0.0, 4.0, 0.0);
+
+#[test]
+fn a_rectangles_verdicts_agree_with_shadow_rays() {
+    // x cross z points down.
+    let (counts, unsure) = agree(8, quad(ABOVE, DVec3::X * 1.2, DVec3::Z * 0.8), 3000);
+    assert!(unsure * 10 < counts[2], "{unsure} of {counts:?} only touch");
+}
+
+#[test]
+fn a_disks_verdicts_agree_with_shadow_rays() {
+    let turn = DMat4::from_translation(ABOVE) * DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let (counts, unsure) = agree(9, shape(GeometryDesc::Disk, turn), 1500);
+    assert!(unsure * 4 < counts[2], "{unsure} of {counts:?} only touch or meet a corner");
+}
+
+#[test]
+fn round_lights_verdicts_agree_with_shadow_rays() {
+    let (counts, unsure) = agree(10, ball(ABOVE, 0.8), 1500);
+    assert!(unsure * 4 < counts[2], "sphere: {unsure} of {counts:?}");
+    let ends = (ABOVE - DVec3::X, ABOVE + DVec3::new(1.0, 0.3, 0.4));
+    let tube = shape(GeometryDesc::Cylinder { p0: ends.0, p1: ends.1, radius: 0.3 }, DMat4::IDENTITY);
+    let (counts, unsure) = agree(11, tube, 1500);
+    assert!(unsure * 4 < counts[2], "cylinder: {unsure} of {counts:?}");
+}
+
+#[test]
+fn a_convex_quadrilateral_of_two_triangles_agrees_with_shadow_rays() {
+    let corners = [(-1.2, -0.8), (-1.0, 0.9), (1.4, 0.6), (0.7, -1.0)].map(|(x, z)| DVec3::new(x, 4.0, z));
+    // Wound to face down, cut along either diagonal.
+    for triangles in [[[0, 2, 1], [0, 3, 2]], [[0, 3, 1], [1, 3, 2]]] {
+        let (counts, unsure) = agree(12, facets(&corners, &triangles), 1200);
+        assert!(unsure * 8 < counts[2], "{unsure} of {counts:?} only touch");
+    }
+}
+
+#[test]
+fn a_rectangle_held_as_a_mesh_is_seen_as_the_rectangle() {
+    let mut rng = Rng(13, 0);
+    let (x, z) = (DVec3::X * 1.2, DVec3::Z * 0.8);
+    let corners = [ABOVE - x - z, ABOVE + x - z, ABOVE + x + z, ABOVE - x + z];
+    let others = clutter(&mut rng);
+    let with = |light: ShapeDesc| {
+        let mut shapes = vec![lamp(light)];
+        shapes.extend(others.iter().cloned());
+        scene(shapes)
+    };
+    let (a, b) = (with(quad(ABOVE, x, z)), with(facets(&corners, &[[0, 1, 2], [0, 2, 3]])));
+    let (da, db) = (EdgeDetector::new(&a.0, &a.1), EdgeDetector::new(&b.0, &b.1));
+    for _ in 0..2000 {
+        let from = receiver(&mut rng);
+        let (va, vb) = (da.light(0, &from, true), db.light(0, &from, true));
+        assert_eq!(std::mem::discriminant(&va), std::mem::discriminant(&vb), "{va:?} {vb:?}");
+        assert_eq!(va.kinds(), vb.kinds());
+        // One triangle sees no more than the whole.
+        let half = db.light_prim(0, 0, &from, false);
+        if matches!(va, LightVerdict::Visible | LightVerdict::Blocked) {
+            assert_eq!(half, va);
+        }
+    }
+}
+
+#[test]
+fn what_lies_inside_a_globe_makes_it_unknown() {
+    let globe = || lamp(ball(ABOVE, 1.0));
+    let from = Receiver { p: DVec3::new(0.0, -2.0, 0.0), n: Some(DVec3::Y), facet: None };
+    let ask = |shapes: Vec<ShapeDesc>| {
+        let (scene, accel) = scene(shapes);
+        EdgeDetector::new(&scene, &accel).light(0, &from, false)
+    };
+    assert_eq!(ask(vec![globe()]), LightVerdict::Visible);
+    // A plate inside, in front of the plane of the outline: hidden by the near surface, not the other way round.
+    let plate = quad(ABOVE - DVec3::Y * 0.5, DVec3::X * 3.0, DVec3::Z * 3.0);
+    assert!(matches!(ask(vec![globe(), plate]), LightVerdict::Unknown(_)));
+    assert!(matches!(ask(vec![globe(), ball(ABOVE, 0.9)]), LightVerdict::Visible | LightVerdict::Unknown(_)));
+    let before = quad(ABOVE - DVec3::Y * 1.5, DVec3::X * 3.0, DVec3::Z * 3.0);
+    assert_eq!(ask(vec![globe(), before]), LightVerdict::Blocked);
+}
+
+#[test]
+fn the_inner_side_of_a_ball_sees_what_lies_inside() {
+    let inner = ball(DVec3::ZERO, 5.0);
+    let at = |light: ShapeDesc| {
+        let (scene, accel) = scene(vec![lamp(light), inner.clone()]);
+        let p = DVec3::new(0.0, -5.0, 0.0);
+        let from = Receiver { p, n: Some(DVec3::Y), facet: Some(crate::edge::Facet { shape: 1, prim: 0 }) };
+        EdgeDetector::new(&scene, &accel).light(0, &from, false)
+    };
+    let square = |height: f64, size: f64| quad(DVec3::Y * height, DVec3::X * size, DVec3::Z * size);
+    assert_eq!(at(square(2.0, 1.0)), LightVerdict::Visible);
+    assert_eq!(at(square(9.0, 1.0)), LightVerdict::Blocked);
+    assert!(matches!(at(square(2.0, 8.0)), LightVerdict::Unknown(_)));
+    assert_eq!(at(ball(DVec3::Y, 1.0)), LightVerdict::Visible);
+}
+
+#[test]
+fn masks_are_unknown_and_never_clear() {
+    let mask = Material::Null;
+    let x = DVec3::X * 4.0;
+    let lamp = lamp(quad(DVec3::new(0.0, 4.0, 0.0), DVec3::X, DVec3::Z));
+    let (masked, accel) = scene_of(vec![lamp, quad(DVec3::ZERO, x, DVec3::Z * 4.0)], mask);
+    let detector = EdgeDetector::new(&masked, &accel);
+    let from = Receiver { p: DVec3::new(0.0, -2.0, 0.0), n: Some(DVec3::Y), facet: None };
+    assert!(matches!(detector.light(0, &from, false), LightVerdict::Unknown(_)));
+    let (scene, accel) = scene(vec![scene_lamp(), quad(DVec3::ZERO, x, DVec3::Z * 4.0)]);
+    let detector = EdgeDetector::new(&scene, &accel);
+    assert_eq!(detector.light(0, &from, false), LightVerdict::Blocked);
+}
+
+fn scene_lamp() -> ShapeDesc {
+    lamp(quad(DVec3::new(0.0, 4.0, 0.0), DVec3::X, DVec3::Z))
+}

@@ -1,0 +1,112 @@
+//! Tests of the edge layer, and what they share: random numbers, shapes and scenes.
+//!
+//! * `sight`: exactness against the dual margins, recall 1 where expansions are exact, and what must not fire
+//! * `lights`: verdicts on lights against shadow rays
+
+mod lights;
+mod sight;
+
+use super::view::{View, to_dual};
+use crate::accel::Accel;
+use crate::math::sampler::{hash, unit_f32};
+use crate::math::{DMat4, DVec3, Vec3};
+use crate::scene::description::{
+    CameraDesc, Description, FilmDesc, GeometryDesc, IntegratorDesc, Projection, ShapeDesc,
+};
+use crate::scene::{Color, Material, Scene};
+use dualux_dual::Family;
+
+pub(super) struct Rng(pub(super) u64, pub(super) u64);
+
+impl Rng {
+    pub(super) fn unit(&mut self) -> f64 {
+        self.1 += 1;
+        f64::from(unit_f32(hash(self.0, self.1)))
+    }
+    pub(super) fn range(&mut self, lo: f64, hi: f64) -> f64 {
+        lo + (hi - lo) * self.unit()
+    }
+    pub(super) fn cube(&mut self, size: f64) -> DVec3 {
+        DVec3::new(self.range(-size, size), self.range(-size, size), self.range(-size, size))
+    }
+}
+
+pub(super) fn shape(geometry: GeometryDesc, to_world: DMat4) -> ShapeDesc {
+    ShapeDesc { name: "s".into(), geometry, to_world, flip_normals: false, material: 0, emission: None }
+}
+
+pub(super) fn ball(center: DVec3, radius: f64) -> ShapeDesc {
+    shape(GeometryDesc::Sphere { center, radius }, DMat4::IDENTITY)
+}
+
+pub(super) fn quad(c: DVec3, x: DVec3, y: DVec3) -> ShapeDesc {
+    let n = x.cross(y).normalize();
+    shape(GeometryDesc::Rectangle, DMat4::from_cols(x.extend(0.0), y.extend(0.0), n.extend(0.0), c.extend(1.0)))
+}
+
+pub(super) fn scene(shapes: Vec<ShapeDesc>) -> (Scene, Accel) {
+    scene_of(shapes, Material::Diffuse { reflectance: Color::Constant(Vec3::ONE) })
+}
+
+pub(super) fn scene_of(shapes: Vec<ShapeDesc>, material: Material) -> (Scene, Accel) {
+    let description = Description {
+        camera: CameraDesc {
+            to_world: DMat4::IDENTITY,
+            projection: Projection::Perspective {
+                x_fov: 1.0,
+                principal_point_offset: [0.0; 2],
+                aperture_radius: 0.0,
+                focus_distance: 1.0,
+            },
+            near_clip: 0.0,
+            far_clip: 1e6,
+        },
+        film: FilmDesc {
+            width: 64,
+            height: 64,
+            crop: [0, 0, 64, 64],
+            filter: crate::math::filter::PixelFilter::Box { radius: 0.5 },
+        },
+        integrator: IntegratorDesc::default(),
+        sample_count: None,
+        seed: 0,
+        images: vec![],
+        textures: vec![],
+        materials: vec![material],
+        shapes,
+        lights: vec![],
+    };
+    let scene = Scene::new(description).unwrap();
+    let accel = Accel::new(&scene.shapes);
+    (scene, accel)
+}
+
+pub(super) fn random_view(rng: &mut Rng, o: DVec3, aim: DVec3, half: f64) -> View {
+    let d = aim - o;
+    let (u, v) = (rng.cube(1.0), rng.cube(1.0));
+    let side = |u: DVec3| to_dual((u - d * (u.dot(d) / d.length_squared())).normalize() * half * d.length());
+    View::new(Family::fixed(to_dual(o), to_dual(d), [side(u), side(v)]), [0.0, f64::INFINITY]).unwrap()
+}
+
+/// Soup of rectangles, a mesh, balls, a disk and a cylinder.
+pub(super) fn soup(rng: &mut Rng, n: usize, kinds: usize) -> Vec<ShapeDesc> {
+    let mut shapes = Vec::new();
+    for i in 0..n {
+        let (c, x) = (rng.cube(3.0), rng.cube(0.6));
+        let y = x.cross(rng.cube(1.0)).normalize() * rng.range(0.05, 0.6);
+        shapes.push(match i % kinds {
+            0 | 1 => quad(c, x, y),
+            2 => ball(c, rng.range(0.02, 0.5)),
+            3 => shape(
+                GeometryDesc::Disk,
+                DMat4::from_cols(x.extend(0.0), y.extend(0.0), x.cross(y).normalize().extend(0.0), c.extend(1.0)),
+            ),
+            _ => shape(GeometryDesc::Cylinder { p0: c, p1: c + x, radius: rng.range(0.02, 0.3) }, DMat4::IDENTITY),
+        });
+    }
+    shapes.push(shape(
+        GeometryDesc::Cube,
+        DMat4::from_translation(DVec3::new(0.5, 0.2, 0.0)) * DMat4::from_rotation_y(0.7),
+    ));
+    shapes
+}
