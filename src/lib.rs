@@ -11,7 +11,7 @@
 //! 6. [`emission`]: where photons start
 //! 7. [`transport`]: what light transport is made of
 //! 8. [`integrators`]: light transport algorithms
-//! 9. [`render`], [`cli`]: the main loop and the command line
+//! 9. [`render`], [`report`], [`cli`]: the main loop, reports of comparisons, the command line
 
 #![warn(missing_docs)]
 
@@ -24,5 +24,6 @@ pub mod image;
 pub mod integrators;
 pub mod math;
 pub mod render;
+pub mod report;
 pub mod scene;
 pub mod transport;

@@ -4,6 +4,7 @@
 //! command line.
 
 mod checks;
+mod compare;
 mod edges;
 mod info;
 mod load;
@@ -40,6 +41,8 @@ enum Command {
     Info(info::InfoArgs),
     /// Draw and score the map of edges that derivatives predict.
     Edges(edges::EdgesArgs),
+    /// Compare configurations of one scene at equal time, passes or photons, and write a report.
+    Compare(Box<compare::CompareArgs>),
     /// Compare an image with a reference.
     Metric(metric::MetricArgs),
     /// Print a completion script for a shell.
@@ -57,6 +60,7 @@ pub fn main(start: Instant) -> ExitCode {
         Command::Render(args) => render::run(args, start),
         Command::Info(args) => info::run(args),
         Command::Edges(args) => edges::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Metric(args) => metric::run(args),
         Command::Completions { shell } => {
             // Into memory first: the generator panics where its output cannot be written.

@@ -34,7 +34,7 @@ fn codes(reference: &Reference, color: impl Fn(usize) -> [u8; 3]) -> Vec<u8> {
 }
 
 /// Colours of growing lightness for values in [0, 1].
-fn heat(value: f32) -> [u8; 3] {
+pub fn heat(value: f32) -> [u8; 3] {
     const STOPS: [[f32; 3]; 5] =
         [[0.0, 0.0, 0.0], [80.0, 20.0, 120.0], [200.0, 60.0, 100.0], [255.0, 160.0, 60.0], [255.0, 255.0, 230.0]];
     let at = value.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;

@@ -29,18 +29,26 @@ pub fn write_png(
 /// # Errors
 /// As [`write_png`].
 pub fn write_codes(path: &Path, width: usize, height: usize, codes: &[u8]) -> Result<(), ImageFileError> {
+    let bytes = encode_codes(width, height, codes).map_err(|message| ImageFileError::format(path, message))?;
+    atomic::write_file(path, &bytes)
+}
+
+/// The content of a PNG file of 8-bit RGB triples.
+///
+/// # Errors
+/// If there are not `width * height` triples, or more than PNG can hold; the text says which.
+pub fn encode_codes(width: usize, height: usize, codes: &[u8]) -> Result<Vec<u8>, String> {
     let size = (u32::try_from(width), u32::try_from(height));
     let (Ok(w), Ok(h)) = size else {
-        return Err(ImageFileError::format(path, "the picture is too large for PNG"));
+        return Err("the picture is too large for PNG".into());
     };
     if width.checked_mul(height).and_then(|n| n.checked_mul(3)) != Some(codes.len()) || codes.is_empty() {
-        let message = format!("{} bytes do not make {w} x {h} pixels", codes.len());
-        return Err(ImageFileError::format(path, message));
+        return Err(format!("{} bytes do not make {w} x {h} pixels", codes.len()));
     }
     let mut bytes = Vec::new();
     // A fifth larger than the default makes them, in a twentieth of the time.
     PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
         .write_image(codes, w, h, ExtendedColorType::Rgb8)
-        .map_err(|e| ImageFileError::format(path, format!("cannot encode as PNG: {e}")))?;
-    atomic::write_file(path, &bytes)
+        .map_err(|e| format!("cannot encode as PNG: {e}"))?;
+    Ok(bytes)
 }

@@ -21,6 +21,8 @@ pub struct Counts {
     pub blocked_by_specular: u64,
     /// Samples that were not finite and left out.
     pub invalid: u64,
+    /// Photons emitted.
+    pub photons: u64,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -31,6 +33,7 @@ impl std::ops::AddAssign for Counts {
         self.probed_shadow_rays += o.probed_shadow_rays;
         self.blocked_by_specular += o.blocked_by_specular;
         self.invalid += o.invalid;
+        self.photons += o.photons;
     }
 }
 

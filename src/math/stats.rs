@@ -78,6 +78,40 @@ pub fn sidak(family: f64, tests: usize) -> f64 {
     1.0 - (1.0 - family).powf(1.0 / tests.max(1) as f64)
 }
 
+/// Half width, in standard errors, of the central interval of probability `confidence` of Student's t with `dof` degrees
+/// of freedom: 1.96 for 0.95 and many, 12.7 for one. Infinite for no degree of freedom or a confidence of 1; 0 for 0.
+///
+/// Source: Abramowitz & Stegun 26.7.3 and 26.7.4 (closed forms for whole degrees of freedom), inverted by bisection.
+pub fn student_t_half_width(confidence: f64, dof: u32) -> f64 {
+    if dof == 0 || confidence >= 1.0 {
+        return f64::INFINITY;
+    }
+    // P(|T| < t) with t = sqrt(dof) tan(theta).
+    let inside = |theta: f64| {
+        let (sin, cos) = theta.sin_cos();
+        let odd = dof % 2 == 1;
+        // Terms cos^k (k-1)!!/k!! up to k = dof - 2, from k = 1 or 0; the sum may stop where nothing is added.
+        let (mut term, mut k) = if odd { (cos, 1) } else { (1.0, 0) };
+        let mut sum = 0.0;
+        while k + 2 <= dof && term > 1e-18 {
+            sum += term;
+            term *= cos * cos * f64::from(k + 1) / f64::from(k + 2);
+            k += 2;
+        }
+        if odd { std::f64::consts::FRAC_2_PI * (theta + sin * sum) } else { sin * sum }
+    };
+    let (mut low, mut high) = (0.0, std::f64::consts::FRAC_PI_2);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if inside(middle) < confidence {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    f64::from(dof).sqrt() * low.tan()
+}
+
 /// Regularised upper incomplete gamma function Q(a, x) = Gamma(a, x) / Gamma(a), a > 0.
 ///
 /// 1 for x <= 0, NaN for a NaN argument or a <= 0.
@@ -187,6 +221,25 @@ mod tests {
         assert_eq!(z_test_p(f64::NAN, 0.01, 1.0), 0.0);
         assert_eq!((z_test_p(1.0, 0.0, 1.0), z_test_p(1.1, 0.0, 1.0)), (1.0, 0.0));
         assert!((1.0 - (1.0 - sidak(0.01, 7)).powi(7) - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn student_t_has_the_tables_values() {
+        let table = [
+            (0.95, 1, 12.706_204_736),
+            (0.95, 2, 4.302_652_730),
+            (0.95, 4, 2.776_445_105),
+            (0.95, 7, 2.364_624_252),
+            (0.90, 4, 2.131_846_786),
+            (0.99, 30, 2.749_995_654),
+            (0.95, 63, 1.998_340_543),
+        ];
+        for (confidence, dof, expected) in table {
+            let got = student_t_half_width(confidence, dof);
+            assert!((got / expected - 1.0).abs() < 1e-8, "{confidence} {dof}: {got}");
+        }
+        assert!((student_t_half_width(0.95, 1_000_000) - 1.959_964).abs() < 1e-5);
+        assert_eq!((student_t_half_width(0.95, 0), student_t_half_width(0.0, 3)), (f64::INFINITY, 0.0));
     }
 
     /// p-values of fair-die experiments, thrown with a die whose face 0 has the weight 1/6 + bias.
