@@ -3,6 +3,26 @@
 //! A light maps its primary-sample space, [0,1)^2 or [0,1)^4, to rays; natural density is in proportion to flux. Densities over that
 //! space decide where photons go; the flux of each follows from them, so that the sum is the power of the lights whatever the density.
 
+//!
+//! * [`Source`]: one light as a map from its primary-sample space, with derivatives and inverse; `area`, `environment`, `delta`: the
+//!   families of lights; `warp`: the maps they are made of
+//! * `allocate`: photons per light, strata of positions
+//! * [`Uniform`]: natural density
+
+mod allocate;
+mod area;
+mod delta;
+mod environment;
+mod source;
+#[cfg(test)]
+mod tests;
+mod uniform;
+mod warp;
+
+pub use source::{Drawn, Source, Start};
+pub use uniform::{Sequence, Uniform};
+pub use warp::Mapped;
+
 use crate::math::{Rgb, Vec3};
 
 /// Parameters of the emission of one photon, at most: two of the position on a light, two of the direction.

@@ -10,11 +10,12 @@ use crate::cli::{Failure, session};
 use crate::image::Picture;
 use crate::image::film::Film;
 use crate::image::metrics::Reference;
-use crate::integrators::{Counts, World};
+use crate::integrators::Counts;
 use crate::render::{COARSE_BLOCK, Observer, RenderSettings, render};
 use crate::report::comparison::{Map, Run};
 use crate::report::curve::Point;
 use crate::scene::Scene;
+use crate::transport::World;
 use cpu_time::ProcessTime;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -199,7 +200,7 @@ fn execute(
 ) -> Result<(crate::render::Progress, Clock, Vec<Point>, Said), Failure> {
     let stop = AtomicBool::new(false);
     let clock = Clock::start()?;
-    let integrator = session::integrator(&config.args, World { scene: &world.scene, accel: &world.accel });
+    let mut integrator = session::integrator(&config.args, World::new(&world.scene, &world.accel));
     let own = config.passes();
     let settings = RenderSettings {
         window: world.scene.film.crop,
@@ -212,7 +213,7 @@ fn execute(
         features: false,
     };
     let mut watch = Watch { clock, budget, reference, user_stop, stop: &stop, points: Vec::new() };
-    let done = render(&world.scene, integrator.as_ref(), &settings, &stop, &mut watch);
+    let done = render(&world.scene, integrator.as_mut(), &settings, &stop, &mut watch);
     let samples = done.counts.samples;
     // A pass that was cut short still counts: its samples are in the film.
     let whole = done.passes * done.film.pixels().len() as u64;

@@ -167,6 +167,12 @@ impl Piecewise2 {
         Vec2::new(row[x] + inside.x * (row[x + 1] - row[x]), self.marginal.cdf[y] + inside.y * self.marginal.pmf(y))
     }
 
+    /// Size of the box of numbers that [`Self::sample_cell`] maps to the cell (x, y): its pmf is the product.
+    pub fn cell_size(&self, x: usize, y: usize) -> Vec2 {
+        let row = self.row(y);
+        Vec2::new(row[x + 1] - row[x], self.marginal.pmf(y))
+    }
+
     /// Position in [0, 1)^2 and its density.
     pub fn sample(&self, u: Vec2) -> (Vec2, f32) {
         let c = self.sample_cell(u);

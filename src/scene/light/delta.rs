@@ -12,24 +12,36 @@ use std::f64::consts::{PI, TAU};
 
 /// A light without extent.
 #[derive(Clone, Debug)]
-pub(super) enum DeltaLight {
+pub enum DeltaLight {
+    /// The same intensity in all directions.
     Point {
+        /// Position.
         position: Vec3,
+        /// Radiant intensity, W/sr.
         intensity: Rgb,
     },
+    /// A cone round +z of the light.
     Spot {
+        /// Position.
         position: Vec3,
         /// World to light.
         to_local: Mat3,
+        /// Radiant intensity on the axis, W/sr.
         intensity: Rgb,
+        /// Half angle beyond which nothing is emitted, radians.
         cutoff: f32,
+        /// Half angle of full intensity, radians.
         beam: f32,
+        /// Tangent of `cutoff`.
         tan_cutoff: f32,
+        /// Factor over the cone.
         texture: Option<TextureId>,
     },
+    /// Parallel light.
     Directional {
         /// Unit direction in which the light travels.
         direction: Vec3,
+        /// Irradiance on a plane across it.
         irradiance: Rgb,
     },
 }
@@ -54,7 +66,7 @@ pub(super) fn rotation_to_local(to_world: &DMat4) -> Mat3 {
 
 impl DeltaLight {
     /// The light of a description, if it is one without extent.
-    pub fn new(desc: &LightDesc) -> Option<Self> {
+    pub(super) fn new(desc: &LightDesc) -> Option<Self> {
         Some(match desc {
             LightDesc::Point { position, intensity } => {
                 DeltaLight::Point { position: position.as_vec3(), intensity: *intensity }
@@ -86,7 +98,7 @@ impl DeltaLight {
     }
 
     /// What arrives at `p`; `None` where that is nothing.
-    pub fn arrival(&self, textures: Textures, p: Vec3) -> Option<Arrival> {
+    pub(super) fn arrival(&self, textures: Textures, p: Vec3) -> Option<Arrival> {
         let from = |position: Vec3| {
             let to = position - p;
             let d2 = to.length_squared();
@@ -107,7 +119,7 @@ impl DeltaLight {
     }
 
     /// Ramp times texture of a spot in the unit world direction `w` away from it; 1 for others.
-    fn spot_factor(&self, textures: Textures, w: Vec3) -> Rgb {
+    pub fn spot_factor(&self, textures: Textures, w: Vec3) -> Rgb {
         let DeltaLight::Spot { to_local, cutoff, beam, tan_cutoff, texture, .. } = self else {
             return Rgb::ONE;
         };

@@ -10,21 +10,26 @@
 use super::delta::rotation_to_local;
 use crate::math::distribution::Piecewise2;
 use crate::math::warp::{pdf_sphere, sample_sphere};
-use crate::math::{Mat3, Rgb, Vec2, Vec3};
+use crate::math::{DVec3, Mat3, Rgb, Vec2, Vec3};
 use crate::scene::description::{ImageId, LightDesc};
 use crate::scene::texture::Bitmap;
 use std::f32::consts::{PI, TAU};
 
 /// A light at infinity.
 #[derive(Clone, Debug)]
-pub(super) enum Environment {
-    Constant { radiance: Rgb },
+pub enum Environment {
+    /// The same from everywhere.
+    Constant {
+        /// Radiance.
+        radiance: Rgb,
+    },
+    /// A map.
     Map(Box<EnvMap>),
 }
 
 /// A latitude-longitude map with its density.
 #[derive(Clone, Debug)]
-pub(super) struct EnvMap {
+pub struct EnvMap {
     image: ImageId,
     scale: Rgb,
     to_local: Mat3,
@@ -35,9 +40,20 @@ pub(super) struct EnvMap {
     integral: Rgb,
 }
 
+/// A direction drawn from a map.
+#[derive(Clone, Copy, Debug)]
+pub struct DrawnDirection {
+    /// Unit direction away from the scene, world.
+    pub w: DVec3,
+    /// Derivatives by the two numbers, inside of the cell of the map's table.
+    pub w_u: [DVec3; 2],
+    /// Density per solid angle.
+    pub pdf_dir: f64,
+}
+
 impl Environment {
     /// The light of a description, if it is one at infinity.
-    pub fn new(desc: &LightDesc, images: &[Bitmap]) -> Option<Self> {
+    pub(super) fn new(desc: &LightDesc, images: &[Bitmap]) -> Option<Self> {
         match desc {
             LightDesc::Constant { radiance } => Some(Environment::Constant { radiance: *radiance }),
             LightDesc::EnvMap { image, scale, to_world } => {
@@ -150,7 +166,40 @@ impl EnvMap {
 
     fn pdf_dir(&self, w: Vec3) -> f32 {
         let (i, j, _) = self.cell(self.to_local * w);
-        let solid_angle = TAU / self.density.width() as f32 * (self.cos[j] - self.cos[j + 1]) as f32;
-        self.density.pmf(i, j) / solid_angle
+        self.density.pmf(i, j) / self.solid_angle(j)
+    }
+
+    /// Solid angle of a cell in row `j`.
+    fn solid_angle(&self, j: usize) -> f32 {
+        TAU / self.density.width() as f32 * (self.cos[j] - self.cos[j + 1]) as f32
+    }
+
+    /// What [`Environment::sample`] draws for `u`, with derivatives and density: the map's primary-sample space.
+    pub fn drawn(&self, u: Vec2) -> DrawnDirection {
+        let c = self.density.sample_cell(u);
+        let width = self.density.width() as f64;
+        let cell = self.density.cell_size(c.x, c.y).as_dvec2();
+        let step = self.cos[c.y + 1] - self.cos[c.y];
+        let (sin_phi, cos_phi) = (std::f64::consts::TAU * (c.x as f64 + 0.5 + c.inside.x as f64) / width).sin_cos();
+        let cos = self.cos[c.y] + c.inside.y as f64 * step;
+        let sin = (1.0 - cos * cos).max(1e-16).sqrt();
+        let to_world = self.to_local.transpose().as_dmat3();
+        let world = |x: f64, y: f64, z: f64| to_world * DVec3::new(x, y, z);
+        let phi_u = std::f64::consts::TAU / (width * cell.x);
+        let cos_u = step / cell.y;
+        let sin_u = -cos * cos_u / sin;
+        DrawnDirection {
+            w: world(sin * sin_phi, cos, -sin * cos_phi),
+            w_u: [world(sin * cos_phi, 0.0, sin * sin_phi) * phi_u, world(sin_u * sin_phi, cos_u, -sin_u * cos_phi)],
+            pdf_dir: f64::from(c.pmf) / f64::from(self.solid_angle(c.y)),
+        }
+    }
+
+    /// The numbers that [`Self::drawn`] turns into the unit direction `w`.
+    pub fn invert(&self, w: Vec3) -> Vec2 {
+        let local = self.to_local * w;
+        let (i, j, f) = self.cell(local);
+        let down = (self.cos[j] - f64::from(local.y)) / (self.cos[j] - self.cos[j + 1]);
+        self.density.invert_cell(i, j, Vec2::new(f.x, (down as f32).clamp(0.0, 1.0)))
     }
 }

@@ -22,14 +22,14 @@ mod pairs;
 use super::description::LightDesc;
 use super::shape::{Geometry, Shape};
 use super::surface::SurfacePoint;
-use super::texture::{Bitmap, Texture, Textures};
+use super::texture::{Bitmap, Color, Texture, Textures};
 use crate::math::distribution::AliasTable;
 use crate::math::sampler::refine;
 use crate::math::{Rgb, Vec2, Vec3};
 use area::Patch;
-use delta::DeltaLight;
+pub use delta::DeltaLight;
 pub use emitter::{EmitterBounds, EmitterView};
-use environment::Environment;
+pub use environment::{DrawnDirection, EnvMap, Environment};
 
 /// Smallest selection weight of an emitter, as a fraction of the average one.
 const FLOOR: f64 = 1e-3;
@@ -85,6 +85,17 @@ pub struct Lights {
 }
 
 const NONE: u32 = u32::MAX;
+
+/// What a light of [`Lights::infos`] is, for those who follow light from there.
+#[derive(Clone, Copy, Debug)]
+pub enum LightKind<'a> {
+    /// A shape, by its index: radiance `Shape::emission`, on the side of the interpolated normal.
+    Lamp(u32),
+    /// A light without extent.
+    Delta(&'a DeltaLight),
+    /// A light at infinity.
+    Environment(&'a Environment),
+}
 
 /// One entry of the selection table; `light` is an index into [`Lights::infos`].
 #[derive(Clone, Copy, Debug)]
@@ -208,6 +219,27 @@ impl Lights {
         weights.push(mean_channel(power));
         self.emitters.push(Emitter { light: self.infos.len() as u32, source });
         self.infos.push(LightInfo { kind: kind.into(), name: String::new(), power, primitives: 1 });
+    }
+
+    /// What light `light`, an index into [`Self::infos`], is.
+    pub fn kind(&self, light: usize) -> LightKind<'_> {
+        // Emitters are in order of their lights, of which each has one at least.
+        let first = self.emitters.partition_point(|e| (e.light as usize) < light);
+        match self.emitters[first].source {
+            Source::Surface { shape, .. } => LightKind::Lamp(shape),
+            Source::Delta(k) => LightKind::Delta(&self.deltas[k as usize]),
+            Source::Environment(k) => LightKind::Environment(&self.environments[k as usize].0),
+        }
+    }
+
+    /// Whether the power in [`Self::infos`] is an estimate: the mean of a texture or map, which what is lit through it need not see.
+    pub fn is_estimated(&self, light: usize, shapes: &[Shape]) -> bool {
+        match self.kind(light) {
+            LightKind::Lamp(shape) => matches!(shapes[shape as usize].emission, Some(Color::Texture(_))),
+            LightKind::Delta(DeltaLight::Spot { texture, .. }) => texture.is_some(),
+            LightKind::Delta(_) | LightKind::Environment(Environment::Constant { .. }) => false,
+            LightKind::Environment(Environment::Map(_)) => true,
+        }
     }
 
     fn lamp<'a>(&'a self, shapes: &'a [Shape], shape: u32, prim: u32, patch: u32) -> area::Lamp<'a> {
