@@ -1,0 +1,156 @@
+//! One record of the irradiance cache: where it may be used, and what it says there.
+//!
+//! ```text
+//!   E_i(x, n) = max(0, E_i + grad E . (x - x_i) + dE/dn . (n - n_i))                        per colour
+//!   d_i(x, n) = |((s.v)/R_1, (t.v)/R_2, (n_i.v)/R_n)| + sqrt((1 - n.n_i) / (1 - cos a)),    v = x - x_i
+//!   w_i       = 1 - d_i / b  for d_i < b, else 0
+//! ```
+//!
+//! A record covers x where d_i < 1, and is used up to d_i < b = [`BORDER`] with a weight that goes to zero there: whatever
+//! lies within (b - 1) R of a covered point has a record (METHODS.md: a looser threshold for looking up than for placing).
+//! Radii from the Hessian of the luminance, lambda_1 >= lambda_2 in size, for the mean relative error a over the disc
+//!
+//!   R = sqrt(8 a E / (|l1| + |l2|)),   R_1 = R (|l2| / |l1|)^(1/4),   R_2 = R (|l1| / |l2|)^(1/4)
+//!
+//! with the ratio of the two bounded; then not beyond E / |grad E|, and within the limits of scene and pixels.
+//! Refused: points in front of the record, points behind something that rises from the surface between the two, and normals
+//! more than the angle a apart.
+//! Source      Ward, Rubinstein, Clear 1988; Ward and Heckbert 1992 (gradients); Schwarzhaupt, Jensen, Jarosz 2012 (radii);
+//!             Krivanek et al. 2006 (limits)
+//! Bias        that of the interpolation; goes to 0 with a
+//! Verified by `gather_tests.rs`
+
+use super::gather_cache::{SECTORS, sector};
+use super::gather_strata::Estimate;
+use crate::math::{Frame, Rgb, Vec2, Vec3, luminance};
+
+/// b: how far beyond its radius a record is still used.
+pub const BORDER: f32 = 1.4;
+/// 1 - cos of the angle between normals at which a record ends.
+const NORMAL_LIMIT: f32 = 0.06;
+/// Most that the two radii may differ: the root of |l1| / |l2|.
+const MAX_RATIO: f32 = 3.0;
+/// Radius along the normal over the mean one along the surface.
+const THICKNESS: f32 = 0.35;
+/// Greatest height in front of a record, in mean radii (Ward's in-front test with its tolerance).
+const FRONT: f32 = 0.05;
+
+/// A record as look-ups use it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Record {
+    /// Position, world.
+    pub p: Vec3,
+    /// Frame of the ellipse around the shading normal: the short radius along `s`.
+    pub frame: Frame,
+    /// Radii along `s` and `t`, world units.
+    pub radii: Vec2,
+    /// Indirect irradiance.
+    pub irradiance: Rgb,
+    /// Derivative by translation along `s` and `t`.
+    pub translation: [Rgb; 2],
+    /// Derivative by the normal's components along `s` and `t`.
+    pub rotation: [Rgb; 2],
+    /// How far it may reach in the sectors of its plane, counted from `s`.
+    pub reach: [f32; SECTORS],
+}
+
+/// Limits of radii.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RadiusLimits {
+    /// Mean relative error over the disc of a record.
+    pub error: f32,
+    /// Irradiance (luminance) below which the error is relative to this.
+    pub floor: f32,
+    /// Least radius.
+    pub min: f32,
+    /// Greatest radius.
+    pub max: f32,
+}
+
+impl Record {
+    /// The record at `p` whose tangent frame is `frame`, in which the estimate is given.
+    pub fn new(p: Vec3, frame: &Frame, e: &Estimate, limits: &RadiusLimits, reach: impl Fn(&Frame) -> [f32; SECTORS]) -> Self {
+        let [ss, st, tt] = e.hessian;
+        let (mean, half) = (0.5 * (ss + tt), 0.5 * (ss - tt));
+        let spread = half.hypot(st);
+        let (mut first, mut second) = ((mean + spread).abs(), (mean - spread).abs());
+        // Eigenvector of the greater eigenvalue: half the angle of (ss - tt, 2 st).
+        let mut axis = Vec2::from_angle(0.5 * st.atan2(half));
+        if second > first {
+            (first, second) = (second, first);
+            axis = axis.perp();
+        }
+        let turn = |[a, b]: [Rgb; 2]| [a * axis.x + b * axis.y, b * axis.x - a * axis.y];
+        let translation = turn(e.translation);
+        let level = luminance(e.irradiance).max(limits.floor);
+        let size = (8.0 * limits.error * level / (first + second)).sqrt();
+        let slope = Vec2::new(luminance(translation[0]), luminance(translation[1])).length();
+        let bound = (level / slope).min(limits.max);
+        let ratio = (first / second).sqrt().clamp(1.0, MAX_RATIO).sqrt();
+        // No Hessian and no light give NaN: the greatest radius then.
+        let radius = |r: f32| if r < bound { r.max(limits.min) } else { bound.max(limits.min) };
+        let frame = Frame {
+            s: frame.s * axis.x + frame.t * axis.y,
+            t: frame.t * axis.x - frame.s * axis.y,
+            n: frame.n,
+        };
+        Record {
+            p,
+            frame,
+            radii: Vec2::new(radius(size / ratio), radius(size * ratio)),
+            irradiance: e.irradiance,
+            translation,
+            rotation: turn(e.rotation),
+            reach: reach(&frame),
+        }
+    }
+
+    /// Takes over the values of an estimate in `frame`; the radii stay.
+    pub fn update(&mut self, frame: &Frame, e: &Estimate) {
+        let own = self.frame;
+        let turn = |[a, b]: [Rgb; 2]| {
+            [a * own.s.dot(frame.s) + b * own.s.dot(frame.t), a * own.t.dot(frame.s) + b * own.t.dot(frame.t)]
+        };
+        self.irradiance = e.irradiance;
+        self.translation = turn(e.translation);
+        self.rotation = turn(e.rotation);
+    }
+
+    /// Mean of the two radii.
+    pub fn mean_radius(&self) -> f32 {
+        0.5 * (self.radii.x + self.radii.y)
+    }
+
+    /// Radius of the sphere outside of which the record is of no use.
+    pub fn extent(&self) -> f32 {
+        BORDER * self.radii.max_element()
+    }
+
+    /// d_i, if the record may be used at the point at all.
+    #[inline]
+    pub fn distance(&self, p: Vec3, n: Vec3, n_geo: Vec3) -> Option<f32> {
+        let turned = 1.0 - n.dot(self.frame.n);
+        if turned > NORMAL_LIMIT * BORDER * BORDER {
+            return None;
+        }
+        let local = self.frame.to_local(p - self.p);
+        let along = local.truncate();
+        let mean = self.mean_radius();
+        let q = (along / self.radii).extend(local.z / (THICKNESS * mean));
+        let d = q.length() + (turned.max(0.0) / NORMAL_LIMIT).sqrt();
+        if !(d < BORDER) || 0.5 * (local.z + (p - self.p).dot(n_geo)) < -FRONT * mean {
+            return None;
+        }
+        let free = along == Vec2::ZERO || along.length() <= self.reach[sector(along)];
+        free.then_some(d)
+    }
+
+    /// Irradiance that the record predicts for a point.
+    #[inline]
+    pub fn predict(&self, p: Vec3, n: Vec3) -> Rgb {
+        let (v, dn) = (p - self.p, n - self.frame.n);
+        let moved = self.translation[0] * v.dot(self.frame.s) + self.translation[1] * v.dot(self.frame.t);
+        let turned = self.rotation[0] * dn.dot(self.frame.s) + self.rotation[1] * dn.dot(self.frame.t);
+        (self.irradiance + moved + turned).max(Rgb::ZERO)
+    }
+}

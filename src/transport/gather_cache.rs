@@ -1,0 +1,293 @@
+//! The cache of gather rays: what the rays of each record have hit, kept for as long as the geometry stands.
+//!
+//! A hit knows its direction, distance and normal, which surfel lies there and with what factor (throughput of specular
+//! surfaces times albedo) it sends on that surfel's irradiance. From these the irradiance of a record and its derivatives
+//! follow for any light: [`GatherCache::evaluate`] traces nothing.
+//! Source      Yue, Onoue and Nishita, "Extended irradiance caching" (stored hits); METHODS.md section 4
+//! Rays        directions of `gather_strata.rs`, jittered and turned at random per record, keyed by its number
+//! Bias        none of its own: that of the surfels' irradiance
+//! Verified by `gather_tests.rs`: against brute force, relighting without a ray
+
+use super::World;
+use super::gather_ray::{GlossyVertex, RayCounts, glossy_direct};
+use super::gather_strata::{Estimate, Strata};
+use super::surfel_light::SurfelLight;
+use super::surfels::{Facet, Surfels};
+use crate::math::sampler::{hash, unit_f32};
+use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3};
+use rayon::prelude::*;
+use std::f32::consts::{FRAC_1_PI, TAU};
+
+/// No surfel: the ray was absorbed or left the scene.
+pub const NO_SURFEL: u32 = u32::MAX;
+/// Directions along the surface in which a record knows how far it may reach.
+pub const SECTORS: usize = 16;
+/// Records that one task gathers for.
+const CHUNK: usize = 4;
+/// Streams of random numbers.
+const TURN: u64 = 0x6a1;
+const JITTER: u64 = 0x6a2;
+const CHAIN: u64 = 0x6a3;
+const GLOSSY: u64 = 0x6a4;
+
+/// What a gather ray of a record has hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GatherHit {
+    /// Direction from the record, world, unit.
+    pub direction: Vec3,
+    /// 1 / length of the chain of rays; 0 at infinity.
+    pub inverse_distance: f32,
+    /// Factor on the irradiance of the surfel: throughput times albedo.
+    pub weight: Rgb,
+    /// The surfel or [`NO_SURFEL`].
+    pub surfel: u32,
+    /// Geometric normal, packed.
+    pub packed_normal: u32,
+}
+
+impl GatherHit {
+    /// Geometric normal at the end, towards the ray.
+    pub fn normal(&self) -> Vec3 {
+        unpack_normal(self.packed_normal)
+    }
+}
+
+/// Octahedral map of a unit vector to twice 16 bits (error below 1e-4).
+pub fn pack_normal(n: Vec3) -> u32 {
+    let q = n.truncate() / (n.x.abs() + n.y.abs() + n.z.abs());
+    let fold = Vec2::new((1.0 - q.y.abs()).copysign(q.x), (1.0 - q.x.abs()).copysign(q.y));
+    let q = if n.z < 0.0 { fold } else { q };
+    let [x, y] = [q.x, q.y].map(|c| ((c * 0.5 + 0.5) * 65535.0).round() as u32);
+    x | y << 16
+}
+
+/// Inverse of [`pack_normal`].
+pub fn unpack_normal(packed: u32) -> Vec3 {
+    let [x, y] = [packed & 0xffff, packed >> 16].map(|c| c as f32 * (2.0 / 65535.0) - 1.0);
+    let z = 1.0 - x.abs() - y.abs();
+    let t = (-z).max(0.0);
+    Vec3::new(x - t.copysign(x), y - t.copysign(y), z).normalize()
+}
+
+/// The hits of all records.
+#[derive(Clone, Debug)]
+pub struct GatherCache {
+    /// Directions and their tables.
+    pub strata: Strata,
+    /// Rays traced.
+    pub counts: RayCounts,
+    seed: u64,
+    places: Vec<Facet>,
+    hits: Vec<GatherHit>,
+    /// 1 / depth of the border to the column before and to the row beyond, for each hit.
+    depths: Vec<[f32; 2]>,
+    /// Glossy vertices by index of the hit.
+    glossy: Vec<(u32, GlossyVertex)>,
+    /// What they scatter from lamps.
+    scattered: Vec<Rgb>,
+}
+
+/// A hit whose surfel may not be known yet.
+struct Traced {
+    hit: GatherHit,
+    unknown: Option<(Facet, f32)>,
+}
+
+impl GatherCache {
+    /// No records yet; about `rays` directions for each.
+    pub fn new(rays: u32, seed: u64) -> Self {
+        GatherCache {
+            strata: Strata::new(rays),
+            counts: RayCounts::default(),
+            seed,
+            places: Vec::new(),
+            hits: Vec::new(),
+            depths: Vec::new(),
+            glossy: Vec::new(),
+            scattered: Vec::new(),
+        }
+    }
+
+    /// Number of records.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Where the records lie.
+    pub fn places(&self) -> &[Facet] {
+        &self.places
+    }
+
+    /// The hits of a record, row by row.
+    pub fn hits(&self, record: usize) -> &[GatherHit] {
+        &self.hits[record * self.strata.len()..][..self.strata.len()]
+    }
+
+    /// The frame of a record: around the shading normal, turned at random.
+    pub fn frame(&self, record: usize) -> Frame {
+        let n = self.places[record].n_shade;
+        let f = Frame::from_normal(n);
+        let (sin, cos) = (TAU * unit_f32(hash(hash(self.seed, TURN), record as u64))).sin_cos();
+        Frame { s: f.s * cos + f.t * sin, t: f.t * cos - f.s * sin, n }
+    }
+
+    /// Traces the gather rays of new records. Hits where there is no surfel yet found one, which is dark until
+    /// [`SurfelLight::extend`]; so call that, then [`Self::scatter`].
+    pub fn gather(&mut self, world: &World, surfels: &mut Surfels, places: &[Facet]) {
+        let first = self.places.len();
+        self.places.extend_from_slice(places);
+        let this = &*self;
+        let known = &*surfels;
+        let records: Vec<usize> = (first..this.places.len()).collect();
+        let traced: Vec<_> = records.par_chunks(CHUNK).map(|chunk| this.trace(world, known, chunk)).collect();
+        for (hits, glossy, counts) in traced {
+            self.counts += counts;
+            self.glossy.extend(glossy);
+            for Traced { mut hit, unknown } in hits {
+                if let Some((facet, distance)) = unknown {
+                    hit.surfel = surfels.find_or_insert(world, &facet, distance);
+                }
+                self.hits.push(hit);
+            }
+        }
+        let (rows, columns) = (self.strata.rows, self.strata.columns);
+        for record in records {
+            let hits = &self.hits[record * rows * columns..][..rows * columns];
+            for j in 0..rows {
+                for k in 0..columns {
+                    let here = &hits[j * columns + k];
+                    let before = &hits[j * columns + (k + columns - 1) % columns];
+                    let beyond = hits.get((j + 1) * columns + k);
+                    let outward = beyond.map_or(0.0, |b| Strata::inverse_depth(here, b));
+                    self.depths.push([Strata::inverse_depth(before, here), outward]);
+                }
+            }
+        }
+    }
+
+    fn trace(
+        &self,
+        world: &World,
+        surfels: &Surfels,
+        records: &[usize],
+    ) -> (Vec<Traced>, Vec<(u32, GlossyVertex)>, RayCounts) {
+        let n = self.strata.len();
+        let mut counts = RayCounts::default();
+        let mut glossy = Vec::new();
+        let mut hits = Vec::with_capacity(records.len() * n);
+        for &record in records {
+            let place = self.places[record].surface_point();
+            let frame = self.frame(record);
+            for i in 0..n {
+                let index = (record * n + i) as u64;
+                let jitter = hash(hash(self.seed, JITTER), index);
+                let u = Vec2::new(unit_f32(jitter), unit_f32(jitter << 24));
+                let d = frame.to_world(self.strata.direction(i, u));
+                let mut rng = Sampler::new(hash(self.seed, CHAIN), record as u64, i as u64);
+                let g = world.gather(place.spawn_origin(d), d, &mut rng, &mut counts, |v| {
+                    glossy.push((index as u32, v));
+                });
+                let mut hit = GatherHit {
+                    direction: d,
+                    inverse_distance: if g.distance > 0.0 { 1.0 / g.distance } else { 0.0 },
+                    weight: Rgb::ZERO,
+                    surfel: NO_SURFEL,
+                    packed_normal: pack_normal(g.normal),
+                };
+                let mut unknown = None;
+                if let Some(end) = g.end {
+                    let facet = Facet::seen_from(&end.at, end.wo);
+                    hit.weight = end.weight;
+                    match surfels.find(world, &facet, g.distance) {
+                        Some(k) => hit.surfel = k,
+                        None => unknown = Some((facet, g.distance)),
+                    }
+                }
+                hits.push(Traced { hit, unknown });
+            }
+        }
+        (hits, glossy, counts)
+    }
+
+    /// Lights the glossy vertices of records that were gathered since the last call; of `all` for a new light.
+    pub fn scatter(&mut self, world: &World, all: bool) {
+        let start = if all { 0 } else { self.scattered.len() };
+        let key = hash(self.seed, GLOSSY);
+        let scattered: Vec<(Rgb, RayCounts)> = self.glossy[start..]
+            .par_iter()
+            .enumerate()
+            .with_min_len(256)
+            .map(|(i, (_, vertex))| {
+                let mut counts = RayCounts::default();
+                let mut rng = Sampler::new(key, (start + i) as u64, 0);
+                (glossy_direct(world, vertex, &mut rng, &mut counts), counts)
+            })
+            .collect();
+        self.scattered.truncate(start);
+        for (value, counts) in scattered {
+            self.scattered.push(value);
+            self.counts += counts;
+        }
+    }
+
+    /// Irradiance and derivatives of records under the light of the surfels.
+    pub fn evaluate(&self, records: std::ops::Range<usize>, light: &SurfelLight) -> Vec<Estimate> {
+        let n = self.strata.len();
+        let irradiance = light.irradiance();
+        let records: Vec<usize> = records.collect();
+        let chunks: Vec<Vec<Estimate>> = records
+            .par_chunks(16)
+            .map(|chunk| {
+                let mut radiance = vec![Rgb::ZERO; n];
+                let estimate = |&record: &usize| {
+                    for (l, hit) in radiance.iter_mut().zip(self.hits(record)) {
+                        let e = irradiance.get(hit.surfel as usize).copied().unwrap_or(Rgb::ZERO);
+                        *l = hit.weight * e * FRAC_1_PI;
+                    }
+                    let range = record * n..(record + 1) * n;
+                    let from = self.glossy.partition_point(|(i, _)| (*i as usize) < range.start);
+                    let glossy = self.glossy[from..].iter().zip(&self.scattered[from.min(self.scattered.len())..]);
+                    for ((i, _), l) in glossy.take_while(|((i, _), _)| (*i as usize) < range.end) {
+                        radiance[*i as usize - range.start] += *l;
+                    }
+                    self.strata.estimate(&radiance, &self.depths[range])
+                };
+                chunk.iter().map(estimate).collect()
+            })
+            .collect();
+        chunks.into_iter().flatten().collect()
+    }
+
+    /// How far a record may reach along the surface in each sector of its tangent plane: up to what rises there.
+    /// Sectors are counted from `frame.s`.
+    pub fn reach(&self, record: usize, frame: &Frame) -> [f32; SECTORS] {
+        let mut reach = [f32::INFINITY; SECTORS];
+        for hit in self.hits(record) {
+            let local = frame.to_local(hit.direction);
+            let along = local.truncate();
+            if hit.inverse_distance > 0.0 && along.length_squared() > local.z * local.z {
+                let r = &mut reach[sector(along)];
+                *r = r.min(along.length() / hit.inverse_distance);
+            }
+        }
+        reach
+    }
+
+    /// Harmonic mean of the distances of a record's hits, infinite if it sees nothing.
+    pub fn mean_distance(&self, record: usize) -> f32 {
+        let sum: f32 = self.hits(record).iter().map(|h| h.inverse_distance).sum();
+        self.strata.len() as f32 / sum
+    }
+}
+
+/// The sector of a direction in the tangent plane; sectors have equal shares of |x| + |y| = 1.
+pub fn sector(v: Vec2) -> usize {
+    let t = v.y / (v.x.abs() + v.y.abs());
+    let turn = if v.x < 0.0 { 2.0 - t } else if v.y < 0.0 { 4.0 + t } else { t };
+    ((turn * (SECTORS as f32 / 4.0)) as usize).min(SECTORS - 1)
+}

@@ -1,0 +1,373 @@
+//! The irradiance cache: indirect diffuse light on a few thousand places instead of at every pixel.
+//!
+//! Estimates   E(x, n) = sum_i w_i E_i(x, n) / sum_i w_i          over the records near x (`cache_record.rs`)
+//! Meaning     E = integral of L_ind(w) cos dw, where L_ind leaves out what emitters and the environment send to x directly
+//!             or by specular surfaces only: add direct light and the caustic map. The value of a diffuse surface is rho / pi E
+//! Source      Ward, Rubinstein, Clear 1988, "A Ray Tracing Solution for Diffuse Interreflection"; Yue, Onoue and Nishita
+//! Bias        of interpolation (falls with [`CacheSettings::error`]) and of the surfels (`surfels.rs`); shading normals are
+//!             those of the geometry, bump maps do not turn them
+//! Not handled glossy receivers; scenes so finely structured that a record covers next to nothing ([`CacheStatistics::hopeless`])
+//! Determinism a function of the settings and of the calls, for any number of threads
+//! Verified by `gather_tests.rs`
+//!
+//! # Use by an integrator
+//!
+//! ```text
+//! let mut cache = IrradianceCache::new(world, CacheSettings::default());
+//! let light = HitLight::Operator { caustic: &|p, n| map.irradiance(p, n) };       // or &|_, _| Rgb::ZERO
+//! for stride in [16, 8, 4, 2] {                                                   // pixels, coarse to fine
+//!     let places: Vec<Place> = ...first diffuse hit (beyond mirrors and glass) of every stride-th pixel, new ones only;
+//!     cache.fill(&places, &light, max_new);
+//! }
+//! cache.finish();                            // all bounces of all surfels, once before the samples are taken
+//! ...
+//! let place = Place::new(&at, wo, 0.0);
+//! match cache.lookup(place.facet.p, place.facet.n_shade, place.facet.n_geo) {
+//!     Some(e) => radiance += albedo_of_the_diffuse_part * e / PI,
+//!     None => path tracing,
+//! }
+//! ...
+//! cache.refine(0.5 * error);                        // a later pass: smaller radii; fill again, then finish
+//! ```
+
+use super::World;
+use super::cache_record::{BORDER, RadiusLimits, Record};
+use super::gather_cache::GatherCache;
+use super::gather_ray::RayCounts;
+use super::sphere_octree::SphereOctree;
+use super::surfel_light::{HitLight, SurfelLight, SurfelSettings};
+use super::surfels::{CELL_PER_DISTANCE, Facet};
+use crate::math::sampler::hash;
+use crate::math::{Frame, Rgb, Sampler, Vec3, luminance, warp};
+use crate::scene::SurfacePoint;
+use rayon::prelude::*;
+
+/// New records of one round: bounds, and their share of the records there are.
+const ROUND: (usize, usize) = (64, 1024);
+/// Places that are examined for the length of gather rays, and rays at each.
+const PILOT: (usize, u32) = (256, 8);
+/// Edge of the largest surfel cells over the median length of gather rays.
+const CELL_OF_MEDIAN: f32 = 0.6 * CELL_PER_DISTANCE;
+/// Share of the mean irradiance to which errors are relative in darker places.
+const DARK: f32 = 0.1;
+/// A scene is given up if of so many records, or more, this share has the least radius.
+const HOPELESS: (usize, f32) = (256, 0.6);
+/// Records whose normals' cosine is less do not bound each other's radii.
+const SAME_SURFACE: f32 = 0.7;
+/// Stream of random numbers.
+const PILOT_STREAM: u64 = 0x1ca;
+
+/// Settings of [`IrradianceCache`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CacheSettings {
+    /// Mean relative error of interpolation that a record may have over its disc.
+    pub error: f32,
+    /// Gather rays per record.
+    pub gather_rays: u32,
+    /// Least radius of a record, in pixels at its place.
+    pub min_radius_pixels: f32,
+    /// Greatest radius of a record, as a share of the scene's diameter.
+    pub max_radius: f32,
+    /// Gather rays per surfel.
+    pub surfel_rays: u32,
+    /// Light samples per surfel.
+    pub light_samples: u32,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+impl Default for CacheSettings {
+    fn default() -> Self {
+        CacheSettings {
+            error: 0.05,
+            gather_rays: 256,
+            min_radius_pixels: 2.0,
+            max_radius: 0.1,
+            surfel_rays: 16,
+            light_samples: 8,
+            seed: 0,
+        }
+    }
+}
+
+/// A place where irradiance will be asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// The side of the surface that is seen.
+    pub facet: Facet,
+    /// Width of a pixel there, world units; 0 without a camera.
+    pub pixel: f32,
+}
+
+impl Place {
+    /// The side of the surface point that the unit vector `wo` sees; `pixel` is the width of a pixel there.
+    pub fn new(at: &SurfacePoint, wo: Vec3, pixel: f32) -> Self {
+        Place { facet: Facet::seen_from(at, wo), pixel }
+    }
+}
+
+/// What has been done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CacheStatistics {
+    /// Records.
+    pub records: usize,
+    /// Surfels.
+    pub surfels: usize,
+    /// Rays and shadow rays of the records.
+    pub record_rays: RayCounts,
+    /// Rays and shadow rays of the surfels.
+    pub surfel_rays: RayCounts,
+    /// Records with the least radius.
+    pub smallest: usize,
+    /// Places left without a record because the number of new ones was spent or the scene is hopeless.
+    pub left: usize,
+    /// The scene is too finely structured: nothing more is done.
+    pub hopeless: bool,
+}
+
+/// The cache.
+#[derive(Clone, Debug)]
+pub struct IrradianceCache<'a> {
+    world: World<'a>,
+    settings: CacheSettings,
+    gather: GatherCache,
+    /// Set up by the first places, which tell the scale of the scene.
+    light: Option<SurfelLight>,
+    records: Vec<Record>,
+    /// Least radius of each record.
+    min_radii: Vec<f32>,
+    tree: SphereOctree,
+    left: usize,
+    hopeless: bool,
+}
+
+impl<'a> IrradianceCache<'a> {
+    /// An empty cache.
+    pub fn new(world: World<'a>, settings: CacheSettings) -> Self {
+        let (center, radius) = world.scene.bounds;
+        IrradianceCache {
+            world,
+            settings,
+            gather: GatherCache::new(settings.gather_rays, settings.seed),
+            light: None,
+            records: Vec::new(),
+            min_radii: Vec::new(),
+            tree: SphereOctree::new(center, radius),
+            left: 0,
+            hopeless: false,
+        }
+    }
+
+    /// The records.
+    pub fn records(&self) -> &[Record] {
+        &self.records
+    }
+
+    /// What has been done so far.
+    pub fn statistics(&self) -> CacheStatistics {
+        CacheStatistics {
+            records: self.records.len(),
+            surfels: self.light.as_ref().map_or(0, |l| l.surfels.len()),
+            record_rays: self.gather.counts,
+            surfel_rays: self.light.as_ref().map_or(RayCounts::default(), |l| l.counts),
+            smallest: self.smallest(),
+            left: self.left,
+            hopeless: self.hopeless,
+        }
+    }
+
+    fn smallest(&self) -> usize {
+        self.records.iter().zip(&self.min_radii).filter(|(r, m)| r.radii.max_element() <= **m * 1.001).count()
+    }
+
+    /// Indirect irradiance at a point, `None` where no record may be used. Normals are unit and point to the side that is
+    /// seen.
+    pub fn lookup(&self, p: Vec3, n_shade: Vec3, n_geo: Vec3) -> Option<Rgb> {
+        let (mut sum, mut weights) = (Rgb::ZERO, 0.0);
+        self.tree.containing(p, |id| {
+            let record = &self.records[id as usize];
+            if let Some(d) = record.distance(p, n_shade, n_geo) {
+                let w = 1.0 - d / BORDER;
+                sum += record.predict(p, n_shade) * w;
+                weights += w;
+            }
+            true
+        });
+        (weights > 0.0).then(|| sum / weights)
+    }
+
+    /// Whether the cache is good for the place as it is.
+    pub fn covers(&self, at: &Facet) -> bool {
+        let mut covered = false;
+        self.tree.containing(at.p, |id| {
+            covered = self.records[id as usize].distance(at.p, at.n_shade, at.n_geo).is_some_and(|d| d < 1.0);
+            !covered
+        });
+        covered
+    }
+
+    /// Adds records until all places are covered, at most `max_new`. Places should come in levels from coarse to fine. Call
+    /// [`Self::finish`] after the last level.
+    pub fn fill(&mut self, places: &[Place], light: &HitLight, max_new: usize) {
+        let mut open: Vec<u32> = self.uncovered(places, (0..places.len() as u32).collect());
+        if open.is_empty() || self.hopeless {
+            self.left += open.len();
+            return;
+        }
+        if self.light.is_none() {
+            self.light = Some(SurfelLight::new(self.surfel_cell(places), self.surfel_settings()));
+        }
+        // Any order will do that spreads the first ones over all.
+        open.sort_by_key(|&i| (hash(self.settings.seed, u64::from(i)), i));
+        let mut budget = max_new;
+        while !open.is_empty() && budget > 0 && !self.hopeless {
+            let size = (self.records.len() / 2).clamp(ROUND.0, ROUND.1).min(budget).min(open.len());
+            let rest = open.split_off(size);
+            let round: Vec<Place> = open.iter().map(|&i| places[i as usize]).collect();
+            self.add(&round, light);
+            budget -= size;
+            open = self.uncovered(places, rest);
+            let records = self.records.len();
+            self.hopeless = records >= HOPELESS.0 && self.smallest() as f32 > HOPELESS.1 * records as f32;
+        }
+        self.left += open.len();
+    }
+
+    /// Solves for all bounces between the surfels found so far and evaluates all records with them. Radii stay.
+    pub fn finish(&mut self) {
+        let Some(light) = &mut self.light else { return };
+        light.solve();
+        let estimates = self.gather.evaluate(0..self.records.len(), light);
+        for (i, (record, e)) in self.records.iter_mut().zip(&estimates).enumerate() {
+            record.update(&self.gather.frame(i), e);
+        }
+        self.index();
+    }
+
+    /// Lowers the bound of the error: records stay, their radii shrink, so that [`Self::fill`] finds places for more.
+    pub fn refine(&mut self, error: f32) {
+        self.settings.error = error;
+        self.resize();
+    }
+
+    /// Evaluates all records under another light on the same geometry, without a gather ray; radii follow. What records
+    /// see of glossy surfaces is lit anew as well. `world` has the new light.
+    pub fn relight(&mut self, world: World<'a>, light: &HitLight) {
+        self.world = world;
+        if let Some(surfels) = &mut self.light {
+            surfels.relight(&world, light);
+            self.gather.scatter(&world, true);
+            self.resize();
+        }
+    }
+
+    /// Makes all records anew from the stored hits.
+    fn resize(&mut self) {
+        let Some(light) = &self.light else { return };
+        let estimates = self.gather.evaluate(0..self.records.len(), light);
+        let mean: f32 = estimates.iter().map(|e| luminance(e.irradiance)).sum::<f32>() / estimates.len().max(1) as f32;
+        for (i, e) in estimates.iter().enumerate() {
+            self.records[i] = self.record(i, e, DARK * mean);
+        }
+        self.index();
+        self.bound_by_neighbours();
+        self.index();
+    }
+
+    fn surfel_settings(&self) -> SurfelSettings {
+        let CacheSettings { light_samples, surfel_rays, seed, .. } = self.settings;
+        SurfelSettings { light_samples, gather_rays: surfel_rays, seed }
+    }
+
+    /// Edge of the largest surfel cells: by the median length of gather rays from the places.
+    fn surfel_cell(&self, places: &[Place]) -> f32 {
+        let step = places.len().div_ceil(PILOT.0);
+        let key = hash(self.settings.seed, PILOT_STREAM);
+        let mut counts = RayCounts::default();
+        let mut lengths = Vec::new();
+        for (i, place) in places.iter().step_by(step).enumerate() {
+            let (at, frame) = (place.facet.surface_point(), Frame::from_normal(place.facet.n_shade));
+            for k in 0..PILOT.1 {
+                let mut rng = Sampler::new(key, i as u64, u64::from(k));
+                let d = frame.to_world(warp::sample_cosine_hemisphere(rng.next_2d()));
+                let g = self.world.gather(at.spawn_origin(d), d, &mut rng, &mut counts, |_| {});
+                lengths.extend(g.end.map(|_| g.distance));
+            }
+        }
+        lengths.sort_by(f32::total_cmp);
+        let radius = self.world.scene.bounds.1;
+        let median = lengths.get(lengths.len() / 2).copied().unwrap_or(radius);
+        CELL_OF_MEDIAN * median.clamp(1e-4 * radius, radius)
+    }
+
+    fn uncovered(&self, places: &[Place], candidates: Vec<u32>) -> Vec<u32> {
+        candidates.into_par_iter().with_min_len(256).filter(|&i| !self.covers(&places[i as usize].facet)).collect()
+    }
+
+    /// Adds a record at each place.
+    fn add(&mut self, round: &[Place], hit_light: &HitLight) {
+        let Some(light) = &mut self.light else { return };
+        let first = self.records.len();
+        let facets: Vec<Facet> = round.iter().map(|p| p.facet).collect();
+        self.gather.gather(&self.world, &mut light.surfels, &facets);
+        light.extend(&self.world, hit_light);
+        self.gather.scatter(&self.world, false);
+        let estimates = self.gather.evaluate(first..self.gather.len(), light);
+        let bright = |sum: f32, e: Rgb| sum + luminance(e);
+        let sum = self.records.iter().map(|r| r.irradiance).chain(estimates.iter().map(|e| e.irradiance)).fold(0.0, bright);
+        let mean = sum / self.gather.len() as f32;
+        for (i, (place, e)) in round.iter().zip(&estimates).enumerate() {
+            self.min_radii.push(self.settings.min_radius_pixels * place.pixel);
+            let record = self.record(first + i, e, DARK * mean);
+            self.tree.insert((first + i) as u32, record.p, record.extent());
+            self.records.push(record);
+        }
+        self.bound_by_neighbours();
+    }
+
+    fn record(&self, i: usize, e: &crate::transport::gather_strata::Estimate, floor: f32) -> Record {
+        let max = self.settings.max_radius * 2.0 * self.world.scene.bounds.1;
+        let min = self.min_radii[i].max(1e-5 * max).min(max);
+        let limits = RadiusLimits { error: self.settings.error, floor, min, max };
+        let place = &self.gather.places()[i];
+        Record::new(place.p, &self.gather.frame(i), e, &limits, |frame| self.gather.reach(i, frame))
+    }
+
+    /// R_i <= R_j + |x_i - x_j| for records of one surface (Krivanek et al. 2006, section 4): what one has seen nearby, such
+    /// as a corner, the others learn. Never below the least radius.
+    fn bound_by_neighbours(&mut self) {
+        let limits: Vec<Vec<(u32, f32)>> = (0..self.records.len())
+            .into_par_iter()
+            .with_min_len(64)
+            .map(|j| {
+                let near = &self.records[j];
+                let mut wide = Vec::new();
+                self.tree.containing(near.p, |i| {
+                    let far = &self.records[i as usize];
+                    let bound = near.mean_radius() + (near.p - far.p).length();
+                    if far.mean_radius() > bound && far.frame.n.dot(near.frame.n) > SAME_SURFACE {
+                        wide.push((i, bound));
+                    }
+                    true
+                });
+                wide
+            })
+            .collect();
+        for (i, bound) in limits.into_iter().flatten() {
+            let record = &mut self.records[i as usize];
+            let shrink = bound / record.mean_radius();
+            if shrink < 1.0 {
+                record.radii = (record.radii * shrink).max(crate::math::Vec2::splat(self.min_radii[i as usize]));
+            }
+        }
+    }
+
+    /// Builds the tree over the records as they are.
+    fn index(&mut self) {
+        self.tree.clear();
+        for (i, record) in self.records.iter().enumerate() {
+            self.tree.insert(i as u32, record.p, record.extent());
+        }
+        self.tree.pack();
+    }
+}
