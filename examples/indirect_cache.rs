@@ -116,7 +116,12 @@ fn main() {
         let s = cache.statistics();
         eprintln!(
             "stride {stride:2}: {:6} places, {:5} records ({} smallest), {:6} surfels, CPU {:.2} (fill {:.2})",
-            places.len(), s.records, s.smallest, s.surfels, cpu_seconds() - start, cpu_seconds() - before
+            places.len(),
+            s.records,
+            s.smallest,
+            s.surfels,
+            cpu_seconds() - start,
+            cpu_seconds() - before
         );
     }
     let before = cpu_seconds();
@@ -138,7 +143,8 @@ fn main() {
         let mut bytes = format!("PF\n{w} {h}\n-1.0\n").into_bytes();
         for y in (0..h).rev() {
             for x in 0..w {
-                let c = all[(y * w + x) as usize].map_or(Rgb::ZERO, |(s, e)| e.map_or(Rgb::X, |e| s.albedo * e * FRAC_1_PI));
+                let c = all[(y * w + x) as usize]
+                    .map_or(Rgb::ZERO, |(s, e)| e.map_or(Rgb::X, |e| s.albedo * e * FRAC_1_PI));
                 c.to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes()));
             }
         }
@@ -151,7 +157,9 @@ fn main() {
     }
     let grid = value("grid", 64.0) as u32;
     let step = (w / grid).max(1);
-    let pixels: Vec<u32> = (0..h / step).flat_map(|y| (0..w / step).map(move |x| (y * step + step / 2) * w + x * step + step / 2)).collect();
+    let pixels: Vec<u32> = (0..h / step)
+        .flat_map(|y| (0..w / step).map(move |x| (y * step + step / 2) * w + x * step + step / 2))
+        .collect();
     let compute = || -> Vec<f32> {
         let rows: Vec<Vec<f32>> = pixels
             .par_iter()
@@ -194,7 +202,9 @@ fn main() {
     let n = f64::from(n.max(1));
     println!(
         "relMSE of the indirect part {:.2e} (reference's own {:.1e}), bias {:+.3} % of the mean radiance",
-        error / n, own / n, 100.0 * bias / mean
+        error / n,
+        own / n,
+        100.0 * bias / mean
     );
     let share: f64 = worst.iter().take(worst.len() / 100 + 1).map(|w| w.0).sum::<f64>() / error;
     let top: Vec<String> = worst.iter().take(8).map(|(e, i)| format!("{},{}: {e:.1e}", i % w, i / w)).collect();

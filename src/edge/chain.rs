@@ -8,14 +8,12 @@
 
 use super::kinds::{Events, Kinds, Verdict};
 use super::predicted::D1;
-use super::view::{from_dual, to_dual};
-use super::{EdgeDetector, Facet, NOTHING};
+use super::view::from_dual;
+use super::{EdgeDetector, Facet, NOTHING, surface};
 use crate::accel::{Hit, Ray as PlainRay};
 use crate::scene::shape::ShapeHit;
-use crate::scene::{Geometry, Material, SurfacePoint};
-use dualux_dual::{
-    Cylinder, Jet, Plane, Ray, Root, Sphere, Triangle, Vec3, bounds, face_against, interpolate_normal, reflect, refract,
-};
+use crate::scene::{Material, SurfacePoint};
+use dualux_dual::{Jet, Ray, Vec3, bounds, face_against, reflect, refract};
 
 /// Segments followed behind a pixel, at most.
 pub const MOST_SEGMENTS: usize = 8;
@@ -103,39 +101,7 @@ impl EdgeDetector<'_> {
         let shape = &self.scene.shapes[at.shape as usize];
         let outside = from_dual(ray.d.re()).dot(at.n_geo.as_dvec3()) < 0.0;
         let optics = self.optics(shape.material as usize, outside)?;
-        let flat = |n: Vec3<f64>| {
-            let p = ray.at(Plane::new(to_dual(at.p.as_dvec3()), n).t(ray));
-            (p, Vec3::lift(n.normalized()))
-        };
-        // The root whose side the ray meets.
-        let root = |inside: bool| if inside { Root::Far } else { Root::Near };
-        let (p, n) = match &shape.geometry {
-            Geometry::Mesh(mesh) => {
-                let [a, b, c] = mesh.corners(at.prim).map(|v| to_dual(v.as_dvec3()));
-                let triangle = Triangle::new(a, b, c);
-                let p = ray.at(triangle.t(ray));
-                if mesh.normals.is_empty() {
-                    (p, Vec3::lift(triangle.normal()))
-                } else {
-                    let normals =
-                        mesh.triangles[at.prim as usize].map(|i| to_dual(mesh.normals[i as usize].as_dvec3()));
-                    (p, interpolate_normal(triangle.barycentrics(p), normals))
-                }
-            }
-            Geometry::Rectangle(r) => flat(to_dual(r.ex.as_dvec3().cross(r.ey.as_dvec3()))),
-            Geometry::Disk(d) => flat(to_dual(d.ex.as_dvec3().cross(d.ey.as_dvec3()))),
-            Geometry::Sphere(s) => {
-                let sphere = Sphere::new(to_dual(s.center.as_dvec3()), f64::from(s.radius));
-                let p = ray.at(sphere.t(ray, root(outside == s.flip)));
-                (p, sphere.normal(p))
-            }
-            Geometry::Cylinder(c) => {
-                let a = c.p0.as_dvec3();
-                let cylinder = Cylinder::new(to_dual(a), to_dual(a + c.axis.as_dvec3()), f64::from(c.radius));
-                let p = ray.at(cylinder.t(ray, root(outside == c.flip)));
-                (p, cylinder.normal(p))
-            }
-        };
+        let (p, n) = surface::meet(shape, ray, at);
         Some((optics, p, n))
     }
 

@@ -8,7 +8,7 @@
 //! * [`view`]: a family as a projection; [`pixel`], [`light`], [`emission`]: the families
 //! * `gather`, `polygon`, `curved`, `outline`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
 //! * [`detector`], `detect`, `swaps`: `any` and `all` queries; [`kinds`]: what they answer
-//! * [`predicted`], [`chain`]: origins that move: lenses, mirrors, glass
+//! * [`predicted`], [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
 //! * [`oracle`], [`score`]: brute force, and the detector held against it
 //! * [`mod@map`], [`unrolled`]: maps of pixels, of a light, of emission
 //!
@@ -31,6 +31,7 @@ pub mod pixel;
 mod polygon;
 pub mod predicted;
 pub mod score;
+pub mod surface;
 mod swaps;
 pub mod unrolled;
 pub mod view;

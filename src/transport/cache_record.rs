@@ -69,7 +69,13 @@ pub struct RadiusLimits {
 
 impl Record {
     /// The record at `p` whose tangent frame is `frame`, in which the estimate is given.
-    pub fn new(p: Vec3, frame: &Frame, e: &Estimate, limits: &RadiusLimits, reach: impl Fn(&Frame) -> [f32; SECTORS]) -> Self {
+    pub fn new(
+        p: Vec3,
+        frame: &Frame,
+        e: &Estimate,
+        limits: &RadiusLimits,
+        reach: impl Fn(&Frame) -> [f32; SECTORS],
+    ) -> Self {
         let [ss, st, tt] = e.hessian;
         let (mean, half) = (0.5 * (ss + tt), 0.5 * (ss - tt));
         let spread = half.hypot(st);
@@ -89,11 +95,8 @@ impl Record {
         let ratio = (first / second).sqrt().clamp(1.0, MAX_RATIO).sqrt();
         // No Hessian and no light give NaN: the greatest radius then.
         let radius = |r: f32| if r < bound { r.max(limits.min) } else { bound.max(limits.min) };
-        let frame = Frame {
-            s: frame.s * axis.x + frame.t * axis.y,
-            t: frame.t * axis.x - frame.s * axis.y,
-            n: frame.n,
-        };
+        let frame =
+            Frame { s: frame.s * axis.x + frame.t * axis.y, t: frame.t * axis.x - frame.s * axis.y, n: frame.n };
         Record {
             p,
             frame,

@@ -288,6 +288,12 @@ impl GatherCache {
 /// The sector of a direction in the tangent plane; sectors have equal shares of |x| + |y| = 1.
 pub fn sector(v: Vec2) -> usize {
     let t = v.y / (v.x.abs() + v.y.abs());
-    let turn = if v.x < 0.0 { 2.0 - t } else if v.y < 0.0 { 4.0 + t } else { t };
+    let turn = if v.x < 0.0 {
+        2.0 - t
+    } else if v.y < 0.0 {
+        4.0 + t
+    } else {
+        t
+    };
     ((turn * (SECTORS as f32 / 4.0)) as usize).min(SECTORS - 1)
 }

@@ -15,14 +15,11 @@
 //!             [`MAX_CHAIN`] end
 //! Verified by `gather_tests.rs`: closed furnaces with Lambert, mirror and mixed walls
 
-use super::World;
+use super::{NEARLY_SPECULAR_ALPHA, World};
 use crate::accel::Ray;
 use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::{LightSample, LobeKind, SurfacePoint, Transport};
 
-/// Roughness (Beckmann or GGX alpha) below which a lobe counts as specular: its light is that of the caustic map, not
-/// of light samples.
-pub const NEARLY_SPECULAR_ALPHA: f32 = 0.1;
 /// Most surfaces that a gather ray is reflected by or passes.
 pub const MAX_CHAIN: u32 = 24;
 

@@ -314,7 +314,8 @@ impl<'a> IrradianceCache<'a> {
         self.gather.scatter(&self.world, false);
         let estimates = self.gather.evaluate(first..self.gather.len(), light);
         let bright = |sum: f32, e: Rgb| sum + luminance(e);
-        let sum = self.records.iter().map(|r| r.irradiance).chain(estimates.iter().map(|e| e.irradiance)).fold(0.0, bright);
+        let sum =
+            self.records.iter().map(|r| r.irradiance).chain(estimates.iter().map(|e| e.irradiance)).fold(0.0, bright);
         let mean = sum / self.gather.len() as f32;
         for (i, (place, e)) in round.iter().zip(&estimates).enumerate() {
             self.min_radii.push(self.settings.min_radius_pixels * place.pixel);

@@ -2,24 +2,52 @@
 //!
 //! * [`World`]: a scene with its acceleration structure, and what every walk asks of the two
 //! * [`direct`]: light that comes straight from emitters; [`light_tree`]: one of many lights
+//! * [`photon`], [`photon_walk`], [`differential`]: photons, their random walk, and the footprints that they carry
+//! * [`footprint_kernel`]: the kernel of a photon's own footprint
+//! * [`photon_tree`]: all photons whose reach covers a point; [`nearest`]: the nearest photons
+//! * [`photon_map`]: radiance and irradiance from photons
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
 //!   irradiance), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits), [`cache_record`] (radii and
 //!   weights) and [`sphere_octree`] (look-up)
 
 pub mod cache_record;
+pub mod differential;
 pub mod direct;
+pub mod footprint_kernel;
 pub mod gather_cache;
 pub mod gather_ray;
 pub mod gather_strata;
 pub mod irradiance_cache;
 pub mod light_tree;
+pub mod nearest;
+pub mod photon;
+pub mod photon_map;
+pub mod photon_tree;
+pub mod photon_walk;
 pub mod sphere_octree;
 pub mod surfel_light;
 pub mod surfels;
+#[cfg(test)]
+mod tests;
 mod world;
 
-pub use gather_ray::NEARLY_SPECULAR_ALPHA;
+use crate::scene::{Bsdf, LobeKind};
 pub use irradiance_cache::{CacheSettings, CacheStatistics, IrradianceCache, Place};
+pub use photon_map::CausticMap;
 pub use surfel_light::HitLight;
 pub use world::{MAX_PASSED_SURFACES, Through, World, power_heuristic};
+
+/// Roughness (Beckmann or GGX alpha) below which glossy scattering counts as nearly specular: photons behind it make caustics, paths
+/// from the eye go on through it and ask the caustic map at the next diffuse surface. Above it light sampling and multiple importance
+/// sampling do better than photons.
+pub const NEARLY_SPECULAR_ALPHA: f32 = 0.1;
+
+/// Whether a scattering by `lobe`, drawn from `rest`, the part of a material that is not diffuse ([`Bsdf::split`]), is (nearly) specular.
+pub fn nearly_specular(rest: &Bsdf, lobe: LobeKind) -> bool {
+    match lobe {
+        LobeKind::Specular => true,
+        LobeKind::Glossy => rest.min_alpha() < NEARLY_SPECULAR_ALPHA,
+        LobeKind::Diffuse | LobeKind::Null => false,
+    }
+}

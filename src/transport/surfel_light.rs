@@ -15,9 +15,9 @@
 //! Bias        that of the clusters (`surfels.rs`) and of the neighbours of third order; none from the number of samples
 //! Verified by `gather_tests.rs`: furnaces (E = pi L / (1 - rho) to 1e-3), against path tracing, relighting
 
+use super::World;
 use super::gather_ray::{GlossyVertex, RayCounts, glossy_direct};
 use super::surfels::{Facet, Surfels};
-use super::World;
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3, luminance, warp};
 use crate::scene::LightSample;

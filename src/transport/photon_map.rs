@@ -1,0 +1,350 @@
+//! Photon maps: radiance and irradiance from the photons around a point.
+//!
+//! ```text
+//! L(x, wo) = sum_i flux_i K_i(x) f(wo, wi_i) |cos_shade(wi_i)| / |cos_geo(wi_i)|
+//! E(x)     = sum_i flux_i K_i(x) |cos_shade(wi_i)| / |cos_geo(wi_i)|                     so that Lambert's L = albedo / pi E
+//! ```
+//!
+//! The quotient of cosines makes it the adjoint of what paths from the eye compute, shading normals included: those weigh incident light by
+//! the shading cosine, photons land in proportion to the geometric one (Veach 1997, section 5.3). Lambertian surfaces take the quotient
+//! at the photon, where it is exact on curved surfaces as well, others at x. `diffuse` is the diffuse part of a material ([`Bsdf::split`]).
+//! Kernels: [`Kernel`]. Photons count whose surface faces the same way, within [`NORMAL_CONE`]: nothing leaks
+//! through thin walls or round corners.
+//! Source: Jensen 1996; Knaus & Zwicker 2011 for radii that shrink from pass to pass, r_{i+1}^2 = r_i^2 (i + alpha) / (i + 1), alpha = 2/3;
+//! METHODS 3.B.
+//! Bias: blur by the kernel (goes to zero with the radii), light lost at borders and creases.
+//! Not handled: participating media, surfaces without a diffuse part (nothing is stored there).
+//! Verified by `tests/`: closed forms and a furnace; companions with wrong factors fail.
+
+use super::World;
+use super::footprint_kernel::{Smallest, Widths};
+use super::nearest::NearestPhotons;
+use super::photon::{Ledger, Photon, PhotonClass};
+use super::photon_tree::PhotonTree;
+use super::photon_walk::{GRAZING, Goal, Traced, WalkSettings, trace};
+use crate::emission::EmissionDensity;
+use crate::math::{Rgb, Vec3};
+use crate::scene::{Bsdf, SurfacePoint, Transport};
+use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
+
+/// Smallest cosine between the normals of a photon and of the point that asks: 60 degrees.
+pub const NORMAL_CONE: f32 = 0.5;
+/// Exponent of the shrinking of kernels (Knaus & Zwicker 2011; 2/3 is optimal for the mean square error, METHODS 3.B).
+pub const ALPHA: f64 = 2.0 / 3.0;
+/// Greatest kernels, in radii of the scene's bounding sphere, if nothing is said.
+const GREATEST: f32 = 0.1;
+/// Smallest kernels, in widths of a pixel, if nothing is said.
+const SMALLEST_PIXELS: f32 = 1.0;
+/// Photons that a kernel of automatic radius would hold if photons covered the scene's surfaces evenly.
+const AUTOMATIC_COUNT: f32 = 20.0;
+
+/// How radiance is estimated from photons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kernel {
+    /// Each photon's own footprint, from its derivatives.
+    Footprint,
+    /// The `k` nearest photons within the greatest radius, of which k - 1 count.
+    Nearest {
+        /// Number of photons asked for, 2 at least.
+        k: u32,
+    },
+    /// One radius, world units; `None`: automatic.
+    Fixed {
+        /// The radius.
+        radius: Option<f32>,
+    },
+    /// One radius per pass, world units in the first pass; `None`: automatic.
+    Progressive {
+        /// The radius of the first pass.
+        radius: Option<f32>,
+    },
+}
+
+/// Settings of photon maps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotonSettings {
+    /// Seed of the render.
+    pub seed: u64,
+    /// The estimator.
+    pub kernel: Kernel,
+    /// Standard deviation of a footprint kernel over that of the photon's footprint, in the first pass.
+    pub scale: f32,
+    /// Smallest half axis of footprint kernels, world units; `None`: the width of a pixel.
+    pub smallest: Option<f32>,
+    /// Greatest half axis of footprint kernels, and farthest of the nearest photons, world units; `None`: a tenth of the scene's radius.
+    pub greatest: Option<f32>,
+    /// Footprint kernels shrink from pass to pass.
+    pub shrink: bool,
+    /// Longest path from light to eye, counted as integrators do: photons keep one segment for the eye.
+    pub max_depth: Option<u32>,
+    /// Scatterings from which on every photon may end.
+    pub rr_depth: u32,
+}
+
+impl Default for PhotonSettings {
+    fn default() -> Self {
+        PhotonSettings {
+            seed: 0,
+            kernel: Kernel::Footprint,
+            scale: 2.2,
+            smallest: None,
+            greatest: None,
+            shrink: true,
+            max_depth: None,
+            rr_depth: 5,
+        }
+    }
+}
+
+/// Radius of pass `pass` over that of pass 0: the root of the product of (i + alpha) / (i + 1), i = 1 .. pass.
+pub fn shrinkage(pass: u64) -> f32 {
+    (1..=pass).map(|i| (i as f64 + ALPHA) / (i as f64 + 1.0)).product::<f64>().sqrt() as f32
+}
+
+impl PhotonSettings {
+    fn walk(&self, goal: Goal) -> WalkSettings {
+        let most_segments = self.max_depth.map(|d| d.saturating_sub(1));
+        WalkSettings { seed: self.seed, most_segments, rr_depth: self.rr_depth, goal }
+    }
+
+    /// Widths of the kernels of pass `pass` for `stored` photons.
+    pub fn widths(&self, world: World, stored: usize, pass: u64) -> Widths {
+        let scene = world.scene;
+        let greatest = self.greatest.unwrap_or(GREATEST * scene.bounds.1);
+        let automatic = || {
+            let area: f32 = scene.shapes.iter().map(|s| s.area()).sum();
+            (AUTOMATIC_COUNT * area * FRAC_1_PI / stored.max(1) as f32).sqrt().min(greatest)
+        };
+        match self.kernel {
+            Kernel::Fixed { radius } => Widths::fixed(radius.unwrap_or_else(automatic)),
+            Kernel::Progressive { radius } => Widths::fixed(radius.unwrap_or_else(automatic) * shrinkage(pass)),
+            Kernel::Footprint | Kernel::Nearest { .. } => {
+                let size = [scene.film.width, scene.film.height];
+                let pixels = || Smallest::pixels(&scene.camera, size, SMALLEST_PIXELS);
+                let min = self.smallest.map_or_else(pixels, Smallest::Fixed);
+                let widths = Widths { scale: self.scale, min, max: greatest };
+                if self.shrink { widths.shrunk(shrinkage(pass)) } else { widths }
+            }
+        }
+    }
+}
+
+/// What a query needs of a photon.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival {
+    /// Flux times the peak of its kernel (nearest photons: flux).
+    pub power: Rgb,
+    /// Towards where it came from.
+    pub wi: Vec3,
+    /// Normal of its surface, on the side it came from.
+    pub n: Vec3,
+    /// See [`Photon::shading`].
+    pub shading: f32,
+    /// Segments of its way.
+    pub segments: u32,
+}
+
+/// Photons of one kind, ready to be asked.
+#[derive(Debug)]
+enum Estimator {
+    Tree(PhotonTree<Arrival>),
+    Nearest(NearestPhotons),
+}
+
+impl Estimator {
+    fn new(world: World, photons: &[Photon], settings: &PhotonSettings, pass: u64) -> Self {
+        let widths = settings.widths(world, photons.len(), pass);
+        if let Kernel::Nearest { k } = settings.kernel {
+            return Estimator::Nearest(NearestPhotons::build(photons, k, widths.max));
+        }
+        let ellipsoids: Vec<_> = photons.par_iter().map(|p| widths.ellipsoid(p)).collect();
+        let arrival = |i: usize| {
+            let Photon { wi, n, flux, shading, segments, .. } = photons[i];
+            Arrival { power: flux * ellipsoids[i].peak(), wi, n, shading, segments }
+        };
+        Estimator::Tree(PhotonTree::build(&ellipsoids, arrival))
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Estimator::Tree(tree) => tree.len(),
+            Estimator::Nearest(nearest) => nearest.len(),
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        match self {
+            Estimator::Tree(tree) => tree.bytes(),
+            Estimator::Nearest(nearest) => nearest.bytes(),
+        }
+    }
+
+    /// Photons around `x` with what they add to the irradiance, W/m^2, those only whose surface faces as `n` does.
+    #[inline]
+    fn visit(&self, x: Vec3, n: Vec3, most: u32, mut visit: impl FnMut(&Arrival, Rgb)) {
+        let mut counts = |a: &Arrival, weight: f32| {
+            if a.n.dot(n) >= NORMAL_CONE && a.segments <= most {
+                visit(a, a.power * weight);
+            }
+        };
+        match self {
+            Estimator::Tree(tree) => tree.visit(x, counts),
+            Estimator::Nearest(nearest) => nearest.visit(x, &mut counts),
+        }
+    }
+
+    fn radiance(&self, at: &SurfacePoint, diffuse: &Bsdf, wo: Vec3, most: u32) -> Rgb {
+        let n = if wo.dot(at.n_geo) < 0.0 { -at.n_geo } else { at.n_geo };
+        if let Some((_, albedo)) = diffuse.lambert(wo) {
+            let dark = albedo == Rgb::ZERO;
+            return if dark { Rgb::ZERO } else { self.irradiance(at.p, n, most) * albedo * FRAC_1_PI };
+        }
+        let mut sum = Rgb::ZERO;
+        self.visit(at.p, n, most, |a, e| {
+            sum += e * diffuse.eval(wo, a.wi, Transport::Radiance) / a.wi.dot(n).abs().max(GRAZING);
+        });
+        sum
+    }
+
+    /// Irradiance on the side of `n`.
+    fn irradiance(&self, p: Vec3, n: Vec3, most: u32) -> Rgb {
+        let mut sum = Rgb::ZERO;
+        self.visit(p, n, most, |a, e| sum += e * a.shading);
+        sum
+    }
+}
+
+/// Photons that came by nearly specular scatterings only: caustics.
+#[derive(Debug)]
+pub struct CausticMap {
+    photons: Estimator,
+    /// What became of the light.
+    pub ledger: Ledger,
+}
+
+impl CausticMap {
+    /// Traces the photons of pass `pass` and sorts them. A pure function of its arguments.
+    pub fn build(world: World, density: &dyn EmissionDensity, settings: &PhotonSettings, pass: u64) -> Self {
+        let traced = trace(world, density, &settings.walk(Goal::Caustics), pass);
+        Self::from_photons(world, traced, settings, pass)
+    }
+
+    /// From photons that are there already.
+    pub fn from_photons(world: World, traced: Traced, settings: &PhotonSettings, pass: u64) -> Self {
+        CausticMap { photons: Estimator::new(world, &traced.photons, settings, pass), ledger: traced.ledger }
+    }
+
+    /// Radiance towards `wo` by caustic light that `diffuse`, the diffuse part of the material at `at`, scatters.
+    pub fn radiance(&self, at: &SurfacePoint, diffuse: &Bsdf, wo: Vec3) -> Rgb {
+        self.radiance_within(at, diffuse, wo, u32::MAX)
+    }
+
+    /// The same by photons with `most_segments` segments at most.
+    pub fn radiance_within(&self, at: &SurfacePoint, diffuse: &Bsdf, wo: Vec3, most_segments: u32) -> Rgb {
+        self.photons.radiance(at, diffuse, wo, most_segments)
+    }
+
+    /// Irradiance by caustic light at `p`, on the side of the unit normal `n_geo`.
+    pub fn irradiance(&self, p: Vec3, n_geo: Vec3) -> Rgb {
+        self.photons.irradiance(p, n_geo, u32::MAX)
+    }
+
+    /// Whether no photon was stored.
+    pub fn is_empty(&self) -> bool {
+        self.stored() == 0
+    }
+
+    /// Number of photons stored.
+    pub fn stored(&self) -> usize {
+        self.photons.len()
+    }
+
+    /// Memory of the map, bytes.
+    pub fn bytes(&self) -> usize {
+        self.photons.bytes()
+    }
+}
+
+/// Classes of photons that a query of a [`GlobalMap`] counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Filter {
+    /// By class, [`PhotonClass::ALL`] in order.
+    pub classes: [bool; 3],
+    /// Longest way, segments.
+    pub most_segments: u32,
+}
+
+impl Filter {
+    /// Everything.
+    pub const ALL: Filter = Filter { classes: [true; 3], most_segments: u32::MAX };
+    /// All but what comes straight from lights.
+    pub const WITHOUT_DIRECT: Filter = Filter { classes: [false, true, true], most_segments: u32::MAX };
+    /// Light that was scattered diffusely before.
+    pub const INDIRECT: Filter = Filter { classes: [false, false, true], most_segments: u32::MAX };
+
+    /// The same for ways of `most_segments` segments at most.
+    pub fn within(self, most_segments: u32) -> Self {
+        Filter { most_segments, ..self }
+    }
+}
+
+/// All light on surfaces with a diffuse part, class by class.
+#[derive(Debug)]
+pub struct GlobalMap {
+    classes: [Option<Estimator>; 3],
+    /// What became of the light.
+    pub ledger: Ledger,
+}
+
+impl GlobalMap {
+    /// Traces the photons of pass `pass` and sorts those of the classes that `keep` counts. A pure function of its arguments.
+    pub fn build(
+        world: World,
+        density: &dyn EmissionDensity,
+        settings: &PhotonSettings,
+        pass: u64,
+        keep: Filter,
+    ) -> Self {
+        let traced = trace(world, density, &settings.walk(Goal::Classes(keep.classes)), pass);
+        Self::from_photons(world, traced, settings, pass)
+    }
+
+    /// From photons that are there already.
+    pub fn from_photons(world: World, traced: Traced, settings: &PhotonSettings, pass: u64) -> Self {
+        let class = |class: PhotonClass| {
+            let of_class: Vec<Photon> = traced.photons.iter().copied().filter(|p| p.class == class).collect();
+            (!of_class.is_empty()).then(|| Estimator::new(world, &of_class, settings, pass))
+        };
+        GlobalMap { classes: PhotonClass::ALL.map(class), ledger: traced.ledger }
+    }
+
+    fn chosen(&self, filter: Filter) -> impl Iterator<Item = &Estimator> {
+        self.classes.iter().zip(filter.classes).filter_map(|(e, wanted)| e.as_ref().filter(|_| wanted))
+    }
+
+    /// Radiance towards `wo` by light of the classes that `filter` counts, scattered by `diffuse`, the diffuse part of the material at `at`.
+    pub fn radiance(&self, at: &SurfacePoint, diffuse: &Bsdf, wo: Vec3, filter: Filter) -> Rgb {
+        self.chosen(filter).map(|e| e.radiance(at, diffuse, wo, filter.most_segments)).sum()
+    }
+
+    /// Irradiance by light of the classes that `filter` counts, at `p` on the side of the unit normal `n_geo`.
+    pub fn irradiance(&self, p: Vec3, n_geo: Vec3, filter: Filter) -> Rgb {
+        self.chosen(filter).map(|e| e.irradiance(p, n_geo, filter.most_segments)).sum()
+    }
+
+    /// Whether no photon was stored.
+    pub fn is_empty(&self) -> bool {
+        self.stored() == 0
+    }
+
+    /// Number of photons stored.
+    pub fn stored(&self) -> usize {
+        self.classes.iter().flatten().map(Estimator::len).sum()
+    }
+
+    /// Memory of the map, bytes.
+    pub fn bytes(&self) -> usize {
+        self.classes.iter().flatten().map(Estimator::bytes).sum()
+    }
+}

@@ -1,0 +1,124 @@
+//! The walk: ledger, classes, limits, determinism.
+
+use super::*;
+use crate::transport::photon::PhotonClass;
+use crate::transport::photon_walk::{Goal, Traced, WalkSettings, trace};
+
+fn walk(room: &Room, density: &dyn EmissionDensity, goal: Goal, most_segments: Option<u32>) -> Traced {
+    trace(room.world(), density, &WalkSettings { seed: 3, most_segments, rr_depth: 5, goal }, 0)
+}
+
+const ALL: Goal = Goal::Classes([true; 3]);
+
+/// A room with all kinds of surfaces, open on one side.
+fn workshop() -> Room {
+    let mut s = empty();
+    let white = diffuse(&mut s, 0.7);
+    let m = [mirror(), glass(1.5)].map(|m| add_material(&mut s, m));
+    let c = |x: f32| Color::Constant(Rgb::splat(x));
+    let coat = |alpha: f32| Material::RoughPlastic {
+        eta: 1.5,
+        diffuse_reflectance: Color::Constant(Rgb::new(0.5, 0.3, 0.1)),
+        specular_reflectance: c(1.0),
+        nonlinear: false,
+        roughness: crate::scene::material::Roughness {
+            distribution: crate::scene::material::Distribution::Ggx,
+            alpha_u: crate::scene::Scalar::Constant(alpha),
+            alpha_v: crate::scene::Scalar::Constant(alpha),
+        },
+    };
+    let sharp = add_material(&mut s, coat(0.01));
+    let dull = add_material(&mut s, coat(0.3));
+    let mask = Material::Mask { opacity: crate::scene::Scalar::Constant(0.5), nested: white };
+    let mask = add_material(&mut s, mask);
+    let walls = [
+        (DVec3::NEG_Y, DVec3::Y, sharp),
+        (DVec3::NEG_X, DVec3::X, white),
+        (DVec3::X, DVec3::NEG_X, dull),
+        (DVec3::NEG_Z, DVec3::Z, white),
+        (DVec3::Y * 3.0, DVec3::NEG_Y, white),
+    ];
+    for (c, n, material) in walls {
+        add(&mut s, GeometryDesc::Rectangle, square(c, n, 4.0), material);
+    }
+    add(&mut s, GeometryDesc::Sphere { center: DVec3::new(-0.5, 0.0, 0.0), radius: 0.4 }, DMat4::IDENTITY, m[0]);
+    add(&mut s, GeometryDesc::Sphere { center: DVec3::new(0.5, 0.2, 0.3), radius: 0.4 }, DMat4::IDENTITY, m[1]);
+    add(&mut s, GeometryDesc::Rectangle, square(DVec3::new(0.0, 1.0, 0.0), DVec3::Y, 0.5), mask);
+    Room::new(s)
+}
+
+fn aimed(n: usize) -> Aimed {
+    let half = [Vec3::X * 1.5, Vec3::Z * 1.5];
+    Aimed { o: Vec3::new(0.0, 2.0, 0.0), centre: Vec3::ZERO, half, n, seed: 1, random: false }
+}
+
+#[test]
+fn the_ledger_closes_and_roulette_is_fair() {
+    let room = workshop();
+    for goal in [ALL, Goal::Caustics] {
+        for most in [None, Some(1), Some(2), Some(5)] {
+            let traced = walk(&room, &aimed(100), goal, most);
+            let total = traced.ledger.total();
+            assert_eq!(total.photons, 10_000);
+            assert!(total.imbalance() < 1e-6, "{goal:?} {most:?}: {}", total.imbalance());
+            assert!(total.emitted.x > 0.0 && total.absorbed.x > 0.0);
+            let stored: u64 = total.stored.iter().sum();
+            assert_eq!(stored, traced.photons.len() as u64);
+            assert!(traced.photons.iter().all(|p| most.is_none_or(|m| p.segments <= m)));
+            if goal == Goal::Caustics {
+                assert!(total.handed_on.x > 0.0 || most == Some(1));
+                assert!(traced.photons.iter().all(|p| p.class == PhotonClass::Caustic && p.segments > 1));
+            } else {
+                assert_eq!(total.handed_on.x, 0.0);
+                assert_eq!(traced.photons.iter().any(|p| p.class == PhotonClass::Indirect), most != Some(1));
+            }
+            // 10,000 coins: the net of roulette is zero within some per cent of the light that met it.
+            assert!(total.roulette.abs().max_element() < 0.03 * total.emitted.x, "{}", total.roulette);
+            assert_eq!(total.truncated.x > 0.0, most.is_some(), "{most:?}");
+        }
+    }
+}
+
+#[test]
+fn the_same_bits_for_any_number_of_threads() {
+    let room = workshop();
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| walk(&room, &aimed(120), ALL, None))
+    };
+    let one = run(1);
+    assert!(one.photons.len() > 10_000);
+    for threads in [2, 7] {
+        let other = run(threads);
+        assert!(one.photons == other.photons, "{threads} threads");
+        assert_eq!(one.ledger, other.ledger);
+    }
+}
+
+#[test]
+fn roughness_decides_on_both_sides_of_the_threshold() {
+    let lit = |alpha: f32| {
+        let mut s = empty();
+        let white = diffuse(&mut s, 0.5);
+        let metal = Material::RoughConductor {
+            eta: Color::Constant(Rgb::ZERO),
+            k: Color::Constant(Rgb::ONE),
+            specular_reflectance: Color::Constant(Rgb::ONE),
+            roughness: crate::scene::material::Roughness {
+                distribution: crate::scene::material::Distribution::Beckmann,
+                alpha_u: crate::scene::Scalar::Constant(alpha),
+                alpha_v: crate::scene::Scalar::Constant(alpha),
+            },
+        };
+        let metal = add_material(&mut s, metal);
+        add(&mut s, GeometryDesc::Rectangle, square(DVec3::ZERO, DVec3::Y, 3.0), metal);
+        add(&mut s, GeometryDesc::Rectangle, square(DVec3::Y * 4.0, DVec3::NEG_Y, 30.0), white);
+        let traced = walk(&Room::new(s), &aimed(20), ALL, Some(2));
+        let of = |class| traced.photons.iter().filter(|p| p.class == class).count();
+        (of(PhotonClass::Caustic), of(PhotonClass::Indirect))
+    };
+    let threshold = crate::transport::NEARLY_SPECULAR_ALPHA;
+    let (below, above) = (lit(threshold * 0.99), lit(threshold * 1.01));
+    assert!(below.0 > 300 && below.1 == 0, "{below:?}");
+    assert!(above.0 == 0 && above.1 > 300, "{above:?}");
+}
