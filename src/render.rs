@@ -44,6 +44,8 @@ pub struct InvalidSample {
     pub y: u32,
     /// Index among the samples of the pixel.
     pub index: u64,
+    /// Pass.
+    pub pass: u64,
 }
 
 /// State of a render between passes.
@@ -79,6 +81,8 @@ const KEPT_INVALID: usize = 16;
 
 struct Tile {
     film: Film,
+    /// Samples taken of each pixel.
+    taken: Vec<u32>,
     /// Passes completed.
     passes: u64,
     counts: Counts,
@@ -115,8 +119,10 @@ impl Job<'_> {
                 if !wanted(px - window[0], py - window[1]) {
                     continue;
                 }
-                let samples = u64::from(self.integrator.samples_per_pass(px, py));
-                for index in pass * samples..(pass + 1) * samples {
+                for _ in 0..self.integrator.samples(px, py, pass) {
+                    let taken = &mut tile.taken[(y * tile.film.width + x) as usize];
+                    let index = u64::from(*taken);
+                    *taken += 1;
                     let sample = self.sample(px, py, pass, index, &mut tile.counts);
                     if sample.radiance.is_finite() {
                         tile.film.add(x, y, &sample);
@@ -124,7 +130,7 @@ impl Job<'_> {
                     }
                     tile.counts.invalid += 1;
                     if tile.invalid.len() < KEPT_INVALID {
-                        tile.invalid.push(InvalidSample { x: px, y: py, index });
+                        tile.invalid.push(InvalidSample { x: px, y: py, index, pass });
                     }
                 }
             }
@@ -134,11 +140,10 @@ impl Job<'_> {
 
 /// One sample again, as the render takes it: (radiance, filter weight). For samples that were not finite.
 pub fn replay(scene: &Scene, integrator: &mut dyn Integrator, seed: u64, at: InvalidSample) -> FilmSample {
-    let pass = at.index / u64::from(integrator.samples_per_pass(at.x, at.y));
-    (0..=pass).for_each(|p| integrator.prepare(p, &|| false));
+    (0..=at.pass).for_each(|p| integrator.prepare(p, &|| false));
     let filter = FilterSampler::new(scene.film.filter);
     let job = Job { scene, integrator, filter: &filter, seed };
-    job.sample(at.x, at.y, pass, at.index, &mut Counts::default())
+    job.sample(at.x, at.y, at.pass, at.index, &mut Counts::default())
 }
 
 /// Number of tiles of a pass over `window`.
@@ -184,6 +189,9 @@ pub fn render(
         }
         passes += 1;
         observer.pass_done(passes, &counts(&tiles), &|| assemble(&tiles, window));
+        if passes.is_power_of_two() && integrator.learns() {
+            integrator.learn(&assemble(&tiles, window));
+        }
     }
     let invalid = tiles.iter().flat_map(|t| &t.invalid).copied().take(KEPT_INVALID).collect();
     Progress { film: assemble(&tiles, window), passes, counts: counts(&tiles), invalid }
@@ -193,8 +201,10 @@ fn make_tiles([x0, y0, width, height]: [u32; 4], features: bool) -> Vec<Tile> {
     let starts = |n: u32| (0..n).step_by(TILE as usize);
     starts(height)
         .flat_map(|y| starts(width).map(move |x| (x, y)))
-        .map(|(x, y)| Tile {
-            film: Film::new([x0 + x, y0 + y, TILE.min(width - x), TILE.min(height - y)], features),
+        .map(|(x, y)| (x, y, TILE.min(width - x), TILE.min(height - y)))
+        .map(|(x, y, w, h)| Tile {
+            film: Film::new([x0 + x, y0 + y, w, h], features),
+            taken: vec![0; (w * h) as usize],
             passes: 0,
             counts: Counts::default(),
             invalid: Vec::new(),

@@ -1,5 +1,6 @@
 //! Values on the command line: durations, counts, windows, definitions.
 
+use crate::render::InvalidSample;
 use std::time::Duration;
 
 /// Longest time limit: a year is as good as none, and keeps the arithmetic of instants in range.
@@ -66,15 +67,17 @@ pub fn window(text: &str) -> Result<[u32; 4], String> {
     Ok(window)
 }
 
-/// `x,y,pass`.
-pub fn sample_address(text: &str) -> Result<(u32, u32, u64), String> {
+/// `x,y,index` or `x,y,index,pass`; the pass is the index where it is not given.
+pub fn sample_address(text: &str) -> Result<InvalidSample, String> {
     let parts: Vec<u64> = text
         .split(',')
         .map(|t| t.trim().parse::<u64>().map_err(|_| format!("\"{t}\" is no whole number")))
         .collect::<Result<_, _>>()?;
     match parts[..] {
-        [x, y, pass] if x <= u64::from(u32::MAX) && y <= u64::from(u32::MAX) => Ok((x as u32, y as u32, pass)),
-        _ => Err("expected three numbers: x,y,pass".into()),
+        [x, y, index, ref rest @ ..] if x.max(y) <= u64::from(u32::MAX) && rest.len() < 2 => {
+            Ok(InvalidSample { x: x as u32, y: y as u32, index, pass: rest.first().copied().unwrap_or(index) })
+        }
+        _ => Err("expected three or four numbers: x,y,index,pass".into()),
     }
 }
 
@@ -130,7 +133,9 @@ mod tests {
         for bad in ["", "1,2,3", "1,2,0,4", "1,2,3,4,5", "-1,0,1,1", "1;2;3;4"] {
             assert!(window(bad).is_err(), "{bad}");
         }
-        assert_eq!(sample_address("5,6,7"), Ok((5, 6, 7)));
+        assert_eq!(sample_address("5,6,7"), Ok(InvalidSample { x: 5, y: 6, index: 7, pass: 7 }));
+        assert_eq!(sample_address("5,6,7,1"), Ok(InvalidSample { x: 5, y: 6, index: 7, pass: 1 }));
+        assert!(sample_address("5,6,7,1,2").is_err());
         assert!(sample_address("5,6").is_err() && sample_address("9999999999,0,0").is_err());
         assert_eq!(definition("spp=64"), Ok(("spp".into(), "64".into())));
         assert!(definition("=1").is_err() && definition("spp").is_err());

@@ -10,8 +10,10 @@ use crate::formats::Loaded;
 use crate::image::atomic;
 use crate::image::exr_file::Attribute;
 use crate::integrators::Counts;
+use crate::integrators::photon::{Antialiasing, Emission, Indirect};
 use crate::render::{InvalidSample, RenderSettings, render, replay, tiles_per_pass};
 use crate::transport::World;
+use crate::transport::direct::LightSampling;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -25,7 +27,7 @@ pub struct RenderArgs {
     /// Output file, .exr or .png; may be repeated [default: the scene's name with .exr].
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
-    /// Integrator [default: the file's if it is one of ours, else path].
+    /// Integrator [default: photon].
     #[arg(long, value_enum)]
     pub integrator: Option<IntegratorChoice>,
     /// Number of passes; one sample per pixel each. K and M suffixes are understood.
@@ -46,6 +48,8 @@ pub struct RenderArgs {
     /// Depth at which Russian roulette starts [default: the file's, else 5].
     #[arg(long)]
     pub rr_depth: Option<u32>,
+    #[command(flatten)]
+    pub photon: PhotonArgs,
     /// Render only this window of the image, in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = options::window)]
     pub crop: Option<[u32; 4]>,
@@ -68,8 +72,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     pub stats_json: Option<PathBuf>,
     /// Take one sample again, as reported for samples that were not finite, and print it.
-    #[arg(long, value_name = "X,Y,INDEX", value_parser = options::sample_address)]
-    pub replay: Option<(u32, u32, u64)>,
+    #[arg(long, value_name = "X,Y,INDEX[,PASS]", value_parser = options::sample_address)]
+    pub replay: Option<InvalidSample>,
     /// Show nothing but warnings and errors.
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
@@ -78,9 +82,68 @@ pub struct RenderArgs {
     pub verbose: bool,
 }
 
+/// Flags of the integrator `photon`.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Photon integrator")]
+pub struct PhotonArgs {
+    /// How photons leave the lights [default: adaptive].
+    #[arg(long, value_enum)]
+    pub emission: Option<Emission>,
+    /// Where the indirect light of diffuse surfaces comes from [default: cache].
+    #[arg(long, value_enum)]
+    pub indirect: Option<Indirect>,
+    /// How lights are sampled [default: adaptive].
+    #[arg(long, value_enum)]
+    pub light_sampling: Option<LightSampling>,
+    /// Samples of a light where there are several [default: 16].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub light_samples: Option<u32>,
+    /// How radiance is estimated from photons [default: ad].
+    #[arg(long, value_enum)]
+    pub kernel: Option<KernelChoice>,
+    /// Samples per pixel in a pass: more on edges, more everywhere, or one [default: adaptive].
+    #[arg(long, value_enum)]
+    pub aa: Option<Antialiasing>,
+    /// Photons per pass for the global map; K and M suffixes are understood [default: as many as pixels].
+    #[arg(long, value_parser = options::positive)]
+    pub photons: Option<u64>,
+    /// Photons per pass for caustics [default: as many as pixels].
+    #[arg(long, value_parser = options::positive)]
+    pub caustic_photons: Option<u64>,
+    /// Show only the light that diffuse surfaces receive in these ways.
+    #[arg(long, value_enum, value_delimiter = ',')]
+    pub only: Vec<Part>,
+}
+
+/// Kernels by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum KernelChoice {
+    /// Each photon's own footprint, by its derivatives.
+    Ad,
+    /// The 50 nearest photons.
+    Knn,
+    /// One radius, by the number of photons.
+    Fixed,
+    /// One radius that shrinks from pass to pass.
+    Progressive,
+}
+
+/// Ways of light to a diffuse surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Part {
+    /// Straight from the lights.
+    Direct,
+    /// From the lights by way of specular surfaces.
+    Caustic,
+    /// All else.
+    Indirect,
+}
+
 /// Integrators by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum IntegratorChoice {
+    /// Photon mapping steered by derivatives.
+    Photon,
     /// Unidirectional path tracing with light sampling: unbiased, the reference for all others.
     Path,
 }
@@ -115,10 +178,13 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     let (scene, accel) = args.scene.build(description)?;
     let mut integrator = session::integrator(args, World::new(&scene, &accel));
     let integrator = integrator.as_mut();
-    if let Some((x, y, index)) = args.replay {
-        let s = replay(&scene, integrator, seed, InvalidSample { x, y, index });
+    if let Some(at) = args.replay {
+        let s = replay(&scene, integrator, seed, at);
         let radiance = s.radiance.to_array();
-        return print(format!("pixel {x},{y} sample {index}: radiance {radiance:?}, filter weight {}\n", s.weight));
+        return print(format!(
+            "pixel {},{} sample {} of pass {}: radiance {radiance:?}, filter weight {}\n",
+            at.x, at.y, at.index, at.pass, s.weight
+        ));
     }
 
     let window = scene.film.crop;

@@ -3,16 +3,19 @@
 use super::Failure;
 use super::load::{crop_film, scale_film};
 use super::options;
-use super::render::{IntegratorChoice, RenderArgs};
+use super::render::{IntegratorChoice, KernelChoice, Part, RenderArgs};
 use crate::formats::Loaded;
 use crate::image::metrics::Reference;
 use crate::image::{Window, read_image};
 use crate::integrators::Integrator;
 use crate::integrators::path::{Path, PathSettings};
+use crate::integrators::photon::{Parts, Photon, PhotonSettings};
 use crate::render::Progress;
 use crate::scene::Scene;
 use crate::scene::description::IntegratorDesc;
 use crate::transport::World;
+use crate::transport::direct::DirectSettings;
+use crate::transport::photon_map::Kernel;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -20,6 +23,9 @@ use std::time::Duration;
 
 /// Samples per pixel where neither the command line nor the file says anything.
 const DEFAULT_PASSES: u64 = 64;
+
+/// Photons that `--kernel knn` asks for.
+const NEAREST: u32 = 50;
 
 /// Reads the scene file and gives the film the size and window that the flags ask for.
 pub fn describe(args: &RenderArgs) -> Result<Loaded, Failure> {
@@ -35,7 +41,10 @@ pub fn describe(args: &RenderArgs) -> Result<Loaded, Failure> {
 
 /// The integrator that the flags and the file ask for.
 pub fn integrator<'a>(args: &RenderArgs, world: World<'a>) -> Box<dyn Integrator + 'a> {
-    match args.integrator.unwrap_or(IntegratorChoice::Path) {
+    match args.integrator.unwrap_or(IntegratorChoice::Photon) {
+        IntegratorChoice::Photon => {
+            Box::new(Photon::new(world, photon_settings(args, world.scene), world.scene.film.crop))
+        }
         IntegratorChoice::Path => Box::new(Path::new(world, path_settings(args, &world.scene.integrator))),
     }
 }
@@ -58,6 +67,35 @@ fn path_settings(args: &RenderArgs, file: &IntegratorDesc) -> PathSettings {
         max_depth: args.max_depth.or(file.max_depth),
         rr_depth: args.rr_depth.or(file.rr_depth).unwrap_or(default.rr_depth),
         hide_emitters: file.hide_emitters,
+    }
+}
+
+/// Settings of the photon integrator: the flags, else the defaults.
+fn photon_settings(args: &RenderArgs, scene: &Scene) -> PhotonSettings {
+    let default = PhotonSettings::default();
+    let flags = &args.photon;
+    let shown = |part| flags.only.is_empty() || flags.only.contains(&part);
+    PhotonSettings {
+        path: path_settings(args, &scene.integrator),
+        emission: flags.emission.unwrap_or(default.emission),
+        kernel: match flags.kernel {
+            None | Some(KernelChoice::Ad) => Kernel::Footprint,
+            Some(KernelChoice::Knn) => Kernel::Nearest { k: NEAREST },
+            Some(KernelChoice::Fixed) => Kernel::Fixed { radius: None },
+            Some(KernelChoice::Progressive) => Kernel::Progressive { radius: None },
+        },
+        direct: DirectSettings {
+            sampling: flags.light_sampling.unwrap_or(default.direct.sampling),
+            samples: flags.light_samples.unwrap_or(default.direct.samples),
+            ..default.direct
+        },
+        indirect: flags.indirect.unwrap_or(default.indirect),
+        antialiasing: flags.aa.unwrap_or(default.antialiasing),
+        photons: flags.photons,
+        caustic_photons: flags.caustic_photons,
+        parts: Parts { direct: shown(Part::Direct), caustic: shown(Part::Caustic), indirect: shown(Part::Indirect) },
+        seed: args.seed.unwrap_or(scene.seed),
+        ..default
     }
 }
 
@@ -113,12 +151,10 @@ pub fn remarks(scene: &Scene, integrator: &dyn Integrator, done: &Progress) -> V
         );
     }
     if done.counts.invalid > 0 {
-        let first: Vec<String> = done.invalid.iter().map(|s| format!("{},{},{}", s.x, s.y, s.index)).collect();
+        let first: Vec<String> =
+            done.invalid.iter().map(|s| format!("{},{},{},{}", s.x, s.y, s.index, s.pass)).collect();
         let n = done.counts.invalid;
-        out.push(format!(
-            "{n} samples were not finite and left out; --replay x,y,index shows one of: {}",
-            first.join(" ")
-        ));
+        out.push(format!("{n} samples were not finite and left out; --replay shows one of: {}", first.join(" ")));
     }
     if done.passes == 0 {
         out.push("the render ended within its first pass: parts of the picture are coarse".into());

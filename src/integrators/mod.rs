@@ -1,10 +1,12 @@
 //! Light transport algorithms: each turns a camera ray into radiance.
 
 pub mod path;
+pub mod photon;
 
-use crate::image::film::Features;
+use crate::image::film::{Features, Film};
 use crate::math::{Rgb, Sampler};
 use crate::scene::camera::CameraRay;
+use crate::transport::direct::DirectCounts;
 
 /// What was counted while rendering. Sums over samples, the same for any number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -19,6 +21,12 @@ pub struct Counts {
     pub probed_shadow_rays: u64,
     /// Those of them that end on smooth glass, water or another surface that only specular paths cross.
     pub blocked_by_specular: u64,
+    /// Direct light of the photon integrator.
+    pub direct: DirectCounts,
+    /// Look-ups in the irradiance cache.
+    pub cache_lookups: u64,
+    /// Those of them that found no record near enough.
+    pub cache_misses: u64,
     /// Samples that were not finite and left out.
     pub invalid: u64,
     /// Photons emitted.
@@ -32,6 +40,9 @@ impl std::ops::AddAssign for Counts {
         self.shadow_rays += o.shadow_rays;
         self.probed_shadow_rays += o.probed_shadow_rays;
         self.blocked_by_specular += o.blocked_by_specular;
+        self.direct += o.direct;
+        self.cache_lookups += o.cache_lookups;
+        self.cache_misses += o.cache_misses;
         self.invalid += o.invalid;
         self.photons += o.photons;
     }
@@ -49,10 +60,20 @@ pub trait Integrator: Sync {
         let _ = (pass, over);
     }
 
-    /// Samples that a pass takes in the pixel at column `x` and row `y` of the full image; the same for every pass.
-    fn samples_per_pass(&self, x: u32, y: u32) -> u32 {
-        let _ = (x, y);
+    /// Samples that pass `pass` takes in the pixel at column `x` and row `y` of the full image; at least one in pass 0.
+    fn samples(&self, x: u32, y: u32, pass: u64) -> u32 {
+        let _ = (x, y, pass);
         1
+    }
+
+    /// Whether [`Self::learn`] wants to see the picture.
+    fn learns(&self) -> bool {
+        false
+    }
+
+    /// The picture after 1, 2, 4, 8, ... passes: what it says may decide where later samples go.
+    fn learn(&mut self, film: &Film) {
+        let _ = film;
     }
 
     /// Radiance along a camera ray and the features of the first surface. A pure function of the ray, the pass and

@@ -65,3 +65,70 @@ pub enum Material {
     /// Shading normal from a tangent-space map, n = 2c - 1.
     NormalMap { texture: TextureId, nested: MaterialId },
 }
+
+/// Whether the material `id` has a lobe, in any of its parts, that is sharper than the roughness `alpha` (Dirac lobes have 0), null
+/// lobes excluded. Roughness from a texture counts as sharp.
+pub fn has_sharp_lobe(materials: &[Material], id: MaterialId, alpha: f32) -> bool {
+    let sharp = |r: &Roughness| {
+        let one = |s: &Scalar| match s {
+            Scalar::Constant(a) => *a < alpha,
+            _ => true,
+        };
+        one(&r.alpha_u) || one(&r.alpha_v)
+    };
+    // Trees may share branches; each material is visited once.
+    let (mut seen, mut waiting) = (vec![false; materials.len()], vec![id]);
+    while let Some(id) = waiting.pop() {
+        if std::mem::replace(&mut seen[id as usize], true) {
+            continue;
+        }
+        match &materials[id as usize] {
+            Material::Diffuse { .. } | Material::RoughDiffuse { .. } | Material::Null => {}
+            Material::Conductor { .. }
+            | Material::Dielectric { .. }
+            | Material::ThinDielectric { .. }
+            | Material::Plastic { .. } => return true,
+            Material::RoughConductor { roughness, .. }
+            | Material::RoughDielectric { roughness, .. }
+            | Material::RoughPlastic { roughness, .. } => {
+                if sharp(roughness) {
+                    return true;
+                }
+            }
+            Material::TwoSided { front, back } => waiting.extend([*front, *back]),
+            Material::Blend { first, second, .. } => waiting.extend([*first, *second]),
+            Material::Mask { nested, .. } | Material::BumpMap { nested, .. } | Material::NormalMap { nested, .. } => {
+                waiting.push(*nested);
+            }
+        }
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Rgb;
+
+    #[test]
+    fn sharp_lobes_are_found_in_any_branch() {
+        let grey = || Color::Constant(Rgb::splat(0.5));
+        let rough = |a| Roughness {
+            distribution: Distribution::Ggx,
+            alpha_u: Scalar::Constant(a),
+            alpha_v: Scalar::Constant(a),
+        };
+        let metal =
+            |a| Material::RoughConductor { eta: grey(), k: grey(), specular_reflectance: grey(), roughness: rough(a) };
+        let materials = [
+            Material::Diffuse { reflectance: grey() },
+            metal(0.3),
+            metal(0.05),
+            Material::TwoSided { front: 0, back: 2 },
+            Material::TwoSided { front: 0, back: 1 },
+            Material::Null,
+        ];
+        let sharp: Vec<bool> = (0..6).map(|id| has_sharp_lobe(&materials, id, 0.1)).collect();
+        assert_eq!(sharp, [false, false, true, true, false, false]);
+    }
+}

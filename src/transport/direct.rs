@@ -33,7 +33,7 @@ use arrayvec::ArrayVec;
 pub const MOST_LIGHTS: usize = 32;
 
 /// How lights are sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightSampling {
     /// As many samples as the edge detector's verdict asks for.

@@ -1,0 +1,287 @@
+//! The eye path of the photon integrator: from the camera to the diffuse surfaces whose light is known.
+//!
+//! What counts where. A material is a diffuse part d and a rest r (Dirac and glossy lobes, coats); a path is written from the eye, E.
+//!
+//!   d, light straight from an emitter          light sampling alone ([`Eye::direct`])
+//!   d, light by nearly specular scatterings    the caustic photons: L S+ d
+//!   d, all else                                the irradiance cache; without a record there, the path goes on from d
+//!   r, light straight from an emitter          light sampling and scattering, by the power heuristic
+//!   r, all else                                the path goes on from r
+//!
+//! So a path that goes on from d counts no emitter it meets before a surface that is not nearly specular (`covered`), and at a
+//! nearly specular surface that it meets until then, light is not sampled. Nearly specular: Dirac lobes, and glossy ones of a roughness
+//! below [`NEARLY_SPECULAR_ALPHA`]; the lobe that scattered decides. Without caustic photons the path itself finds caustics.
+//!
+//! Branching: Dirac lobes at the first vertices send on both mirrored and refracted ray ([`MOST_BRANCHES`]).
+//! Verified by tests/furnace.rs and tests/photon.rs: agreement with the path tracer, part by part.
+
+use super::settings::{Parts, PhotonSettings};
+use crate::accel::Ray;
+use crate::image::film::Features;
+use crate::integrators::Counts;
+use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
+use crate::scene::camera::CameraRay;
+use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
+use crate::transport::direct::{Direct, Found, Stage, Vantage};
+use crate::transport::surfels::Facet;
+use crate::transport::{CausticMap, IrradianceCache, MAX_PASSED_SURFACES, NEARLY_SPECULAR_ALPHA, World};
+use arrayvec::ArrayVec;
+use std::f32::consts::FRAC_1_PI;
+
+/// Most rays of one camera sample that wait at a time; where there is no room, one direction is chosen by chance.
+const MOST_BRANCHES: usize = 8;
+/// Scatterings up to which direct light is looked at closely.
+const FIRST_DEPTH: u32 = 4;
+/// Rays of less importance (throughput x eta^2) than this live on by roulette, whatever their depth.
+const DIM: f32 = 0.05;
+/// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
+const MAX_SURVIVAL: f32 = 0.95;
+
+/// All that an eye path asks.
+pub struct Eye<'a> {
+    pub world: World<'a>,
+    pub settings: &'a PhotonSettings,
+    pub direct: &'a Direct<'a>,
+    /// Caustic photons, `None` if paths are to find caustics.
+    pub caustics: Option<&'a CausticMap>,
+    /// Records of indirect irradiance.
+    pub cache: Option<&'a IrradianceCache<'a>>,
+}
+
+/// How a ray left the surface before.
+#[derive(Clone, Copy)]
+enum Came {
+    /// From the camera or a Dirac lobe: an emitter counts in full.
+    Plain,
+    /// From a glossy lobe: light sampling could have found the emitter.
+    Glossy { from: Vantage, pdf_dir: f32 },
+    /// From a diffuse part: emitters are counted there, by light samples and caustic photons.
+    Covered,
+}
+
+/// A ray that waits to be traced.
+struct Branch {
+    ray: Ray,
+    throughput: Rgb,
+    /// Product of squared relative indices crossed.
+    eta2: f32,
+    depth: u32,
+    passed: u32,
+    came: Came,
+    /// Whether the path has left a diffuse part: all that follows is indirect light.
+    indirect: bool,
+    /// Whether a lobe that is not a Dirac lobe has blurred the view.
+    blurred: bool,
+}
+
+/// Where a ray ended.
+struct End<'s> {
+    at: &'s SurfacePoint,
+    wo: Vec3,
+    vantage: Vantage,
+    /// Whether the path may not get longer.
+    last: bool,
+    /// Random numbers for what goes on: two of the direction, the lobe, roulette.
+    u: [f32; 4],
+}
+
+/// A camera sample on its way.
+struct Sample<'r> {
+    radiance: Rgb,
+    features: Features,
+    waiting: ArrayVec<Branch, MOST_BRANCHES>,
+    rng: &'r mut Sampler,
+    counts: &'r mut Counts,
+}
+
+impl Eye<'_> {
+    /// Radiance along a camera ray, and the features of the first surface.
+    pub fn sample(&self, camera: &CameraRay, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
+        let mut sample =
+            Sample { radiance: Rgb::ZERO, features: Features::default(), waiting: ArrayVec::new(), rng, counts };
+        sample.waiting.push(Branch {
+            ray: Ray { o: camera.o, d: camera.d, tmin: camera.tmin, tmax: camera.tmax },
+            throughput: Rgb::ONE,
+            eta2: 1.0,
+            depth: 0,
+            passed: 0,
+            came: Came::Plain,
+            indirect: false,
+            blurred: false,
+        });
+        while let Some(branch) = sample.waiting.pop() {
+            self.follow(branch, &mut sample);
+        }
+        (sample.radiance, sample.features)
+    }
+
+    fn parts(&self) -> Parts {
+        self.settings.parts
+    }
+
+    /// Traces one ray and adds what its end reflects; what goes on from there waits.
+    fn follow(&self, mut b: Branch, sample: &mut Sample) {
+        let scene = self.world.scene;
+        sample.counts.rays += 1;
+        let emitters_seen = b.depth > 0 || !self.settings.path.hide_emitters;
+        let shown = if b.indirect { self.parts().indirect } else { self.parts().direct };
+        let Some(hit) = self.world.accel.closest(&b.ray) else {
+            if emitters_seen && shown {
+                let emitted = scene.lights.environment(scene.textures(), b.ray.d);
+                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Environment(b.ray.d));
+            }
+            return;
+        };
+        let at = self.world.surface(&b.ray, &hit);
+        let wo = -b.ray.d;
+        let is_emitter = scene.shapes[at.shape as usize].emission.is_some();
+        if is_emitter && !emitters_seen {
+            b.passed += 1;
+            b.ray = Ray { o: at.spawn_origin(b.ray.d), tmin: f32::MIN_POSITIVE, tmax: b.ray.tmax - hit.t, ..b.ray };
+            if b.passed <= MAX_PASSED_SURFACES {
+                sample.waiting.push(b);
+            }
+            return;
+        }
+        if is_emitter && shown {
+            let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
+            if emitted != Rgb::ZERO {
+                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Lamp(&at));
+            }
+        }
+        let bsdf = self.world.bsdf(&at, wo);
+        if b.depth == 0 && sample.features.shape == 0 {
+            sample.features =
+                Features { albedo: bsdf.albedo(wo), normal: at.n_shade, depth: hit.t, shape: at.shape + 1 };
+        }
+        let last = self.settings.path.max_depth.is_some_and(|max| b.depth + 1 >= max);
+        if last && !self.world.passes_light(at.shape) {
+            return;
+        }
+        let (diffuse, rest) = bsdf.split();
+        let vantage = Vantage::new(&at, diffuse.as_ref(), rest.as_ref(), stage(&b));
+        let known = if last { true } else { self.reflected(&b, &at, wo, diffuse.as_ref(), rest.as_ref(), sample) };
+        let unknown = diffuse.filter(|_| !known);
+        let end = End { at: &at, wo, vantage, last, u: sample.rng.next_4d() };
+        self.go_on(b, &end, unknown.as_ref(), rest.as_ref(), sample);
+    }
+
+    /// Weight of an emitter that a ray meets.
+    fn weight(&self, b: &Branch, found: Found) -> f32 {
+        match &b.came {
+            Came::Plain => 1.0,
+            Came::Glossy { from, pdf_dir } => self.direct.weight_of_scattered(from, *pdf_dir, found),
+            Came::Covered => 0.0,
+        }
+    }
+
+    /// Whether a glossy lobe counts as a mirror for light that a caustic photon has brought already.
+    fn is_covered(&self, came: &Came, rest: &Bsdf) -> bool {
+        matches!(came, Came::Covered) && self.caustics.is_some() && rest.min_alpha() < NEARLY_SPECULAR_ALPHA
+    }
+
+    /// Adds what the surface reflects of light known there. True if that is all the light on the diffuse part.
+    fn reflected(
+        &self,
+        b: &Branch,
+        at: &SurfacePoint,
+        wo: Vec3,
+        diffuse: Option<&Bsdf>,
+        rest: Option<&Bsdf>,
+        sample: &mut Sample,
+    ) -> bool {
+        let parts = self.parts();
+        let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
+        if (diffuse.is_some() || sampled.is_some()) && (if b.indirect { parts.indirect } else { parts.direct }) {
+            let light = self.direct.radiance(at, diffuse, sampled, wo, stage(b), sample.rng, &mut sample.counts.direct);
+            sample.radiance += b.throughput * light;
+        }
+        let Some(diffuse) = diffuse else { return true };
+        if let Some(map) = self.caustics.filter(|_| if b.indirect { parts.indirect } else { parts.caustic }) {
+            let most = self.settings.path.max_depth.map_or(u32::MAX, |max| max.saturating_sub(b.depth + 1));
+            sample.radiance += b.throughput * map.radiance_within(at, diffuse, wo, most);
+        }
+        if !parts.indirect {
+            return true;
+        }
+        let facet = Facet::seen_from(at, wo);
+        let cached = self.cache.and_then(|cache| cache.lookup(facet.p, facet.n_shade, facet.n_geo));
+        sample.counts.cache_lookups += u64::from(self.cache.is_some());
+        sample.counts.cache_misses += u64::from(self.cache.is_some() && cached.is_none());
+        if let Some(irradiance) = cached {
+            sample.radiance += b.throughput * diffuse.albedo(wo) * irradiance * FRAC_1_PI;
+        }
+        cached.is_some()
+    }
+
+    /// Sends rays on from the surface: from `rest`, and from the diffuse part where its light is not known.
+    fn go_on(&self, b: Branch, end: &End, unknown: Option<&Bsdf>, rest: Option<&Bsdf>, sample: &mut Sample) {
+        let [ux, uy, mut u_lobe, _] = end.u;
+        let crowded = b.blurred || MOST_BRANCHES - sample.waiting.len() < 4;
+        let mut shares = [1.0; 2];
+        let (mut unknown, mut rest) = (unknown, rest);
+        if let (Some(d), Some(r), true) = (unknown, rest, crowded) {
+            // No room for both: one by chance.
+            let [d_share, r_share] = [d, r].map(|part| luminance(part.albedo(end.wo)).max(1e-6));
+            let p = r_share / (d_share + r_share);
+            if u_lobe < p {
+                (unknown, shares[1], u_lobe) = (None, p, u_lobe / p);
+            } else {
+                (rest, shares[0], u_lobe) = (None, 1.0 - p, (u_lobe - p) / (1.0 - p));
+            }
+        }
+        let u = Vec2::new(ux, uy);
+        if let Some(s) = unknown.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
+            self.push(&b, end, &s, shares[0], Came::Covered, sample);
+        }
+        let Some(rest) = rest else { return };
+        let branches = if crowded { None } else { rest.branches(end.wo, Transport::Radiance) };
+        let by_chance = || rest.sample(end.wo, u_lobe, u, Transport::Radiance).into_iter().collect::<ArrayVec<_, 2>>();
+        for s in &branches.unwrap_or_else(by_chance) {
+            let covered = matches!(b.came, Came::Covered) && self.caustics.is_some();
+            let came = match s.lobe {
+                LobeKind::Null => b.came,
+                LobeKind::Specular if covered => Came::Covered,
+                LobeKind::Specular => Came::Plain,
+                _ if self.is_covered(&b.came, rest) => Came::Covered,
+                _ => Came::Glossy { from: end.vantage, pdf_dir: s.pdf_dir },
+            };
+            self.push(&b, end, s, shares[1], came, sample);
+        }
+    }
+
+    /// Lets the scattered ray wait, if it survives.
+    fn push(&self, b: &Branch, end: &End, s: &BsdfSample, share: f32, came: Came, sample: &mut Sample) {
+        let straight = s.lobe == LobeKind::Null;
+        if (end.last && !straight) || (straight && b.passed >= MAX_PASSED_SURFACES) {
+            return;
+        }
+        let depth = b.depth + u32::from(!straight);
+        let eta2 = b.eta2 * s.eta * s.eta;
+        let throughput = b.throughput * s.weight / share;
+        let importance = throughput.max_element() * eta2;
+        let mut survival = (importance / DIM).min(1.0);
+        if depth >= self.settings.path.rr_depth && !straight {
+            survival = survival.min(importance.min(MAX_SURVIVAL));
+        }
+        if end.u[3] >= survival {
+            return;
+        }
+        // There is always room for one, and for more where more were sent.
+        let _ = sample.waiting.try_push(Branch {
+            ray: Ray { o: end.at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY },
+            throughput: throughput / survival,
+            eta2,
+            depth,
+            passed: b.passed + u32::from(straight),
+            came,
+            indirect: b.indirect || s.lobe == LobeKind::Diffuse,
+            blurred: b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy),
+        });
+    }
+}
+
+/// How much the end of a ray matters to its direct light.
+fn stage(b: &Branch) -> Stage {
+    if b.blurred || b.depth > FIRST_DEPTH { Stage::Later } else { Stage::First }
+}

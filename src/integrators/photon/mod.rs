@@ -1,0 +1,129 @@
+//! Photon mapping steered by derivatives: the default integrator.
+//!
+//! Estimates   the same integral as [`super::path`], split by what is known where (`eye` has the table): direct light with the
+//!             detector's verdicts, caustics from photons with kernels of their own footprints, diffuse interreflection from a
+//!             cache of gather rays
+//! Passes      each pass has photons of its own and smaller kernels; the cache is refined before passes 1, 2, 4, 8, ...
+//! Source      Namae & Makino (photons, light samples, pixels where derivatives predict edges); Jensen 2001 (the split into
+//!             direct, caustic and indirect light); Yue, Onoue & Nishita (stored gather rays); Knaus & Zwicker 2011 (passes)
+//! Bias        kernels and interpolated irradiance: both shrink with the passes. With a limit of depth, bounces behind mirrors and
+//!             glass are counted as if the mirror were none
+//! Not handled participating media
+//! Verified by tests/photon.rs (agreement with `path`, furnace, determinism), tests/references.rs
+
+mod allocate;
+mod caustics;
+mod eye;
+mod places;
+mod settings;
+
+pub use settings::{Antialiasing, Emission, Indirect, Parts, PhotonSettings};
+
+use self::caustics::Caustics;
+use self::eye::Eye;
+use super::{Counts, Integrator};
+use crate::image::film::{Features, Film};
+use crate::math::{Rgb, Sampler, Vec3};
+use crate::scene::camera::CameraRay;
+use crate::transport::direct::Direct;
+use crate::transport::{CacheSettings, CausticMap, HitLight, IrradianceCache, World};
+
+/// Pixels for each record that a pass may add.
+const PIXELS_PER_RECORD: usize = 24;
+/// Records that the first pass may add however few pixels there are.
+const LEAST_RECORDS: usize = 1000;
+
+/// The photon integrator.
+pub struct Photon<'a> {
+    world: World<'a>,
+    settings: PhotonSettings,
+    window: [u32; 4],
+    direct: Direct<'a>,
+    caustics: Option<Caustics<'a>>,
+    /// Caustic photons of this pass.
+    map: Option<CausticMap>,
+    cache: Option<IrradianceCache<'a>>,
+    /// Samples per pass of each pixel of the window; none: one.
+    samples: Vec<f32>,
+}
+
+impl<'a> Photon<'a> {
+    /// An integrator for the pixels of `window` (x, y, width, height).
+    pub fn new(world: World<'a>, settings: PhotonSettings, window: [u32; 4]) -> Self {
+        let bounces = settings.path.max_depth.is_none_or(|d| d > 2);
+        let cached = settings.indirect == Indirect::Cache && settings.parts.indirect && bounces;
+        let cache = cached
+            .then(|| IrradianceCache::new(world, CacheSettings { seed: settings.seed, ..CacheSettings::default() }));
+        let direct = Direct::new(world, settings.direct);
+        let caustics = Caustics::new(world, &settings, window[2] as usize * window[3] as usize);
+        Photon { world, settings, window, direct, caustics, map: None, cache, samples: Vec::new() }
+    }
+
+    /// Records for what the eye sees: coarse to fine, with a smaller bound of the error as passes go on.
+    fn fill_cache(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
+        let Some(cache) = &mut self.cache else { return };
+        if pass > 0 && !pass.is_power_of_two() {
+            return;
+        }
+        if pass > 0 {
+            cache.refine(CacheSettings::default().error / (1.0 + pass as f32).sqrt());
+        }
+        let map = self.map.as_ref();
+        let caustic = |p: Vec3, n: Vec3| map.map_or(Rgb::ZERO, |map| map.irradiance(p, n));
+        let light = HitLight::Operator { caustic: &caustic };
+        let pixels = self.window[2] as usize * self.window[3] as usize;
+        let budget = (pixels / PIXELS_PER_RECORD).max(LEAST_RECORDS);
+        let finest = if pass == 0 { 4 } else { 2 };
+        let mut known = None;
+        for spacing in [32, 16, 8, 4, 2].into_iter().filter(|&s| s >= finest) {
+            let room = (budget * (1 + pass as usize)).saturating_sub(cache.records().len());
+            if over() || room == 0 || cache.statistics().hopeless {
+                break;
+            }
+            cache.fill(&places::places(self.world, self.window, spacing, known), &light, room);
+            known = Some(spacing);
+        }
+        cache.finish();
+    }
+}
+
+impl Integrator for Photon<'_> {
+    fn name(&self) -> &'static str {
+        "photon"
+    }
+
+    fn prepare(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
+        self.map = self.caustics.as_ref().map(|c| c.map(pass));
+        self.fill_cache(pass, over);
+    }
+
+    fn samples(&self, x: u32, y: u32, pass: u64) -> u32 {
+        let [x0, y0, width, _] = self.window;
+        let i = (y - y0) as usize * width as usize + (x - x0) as usize;
+        let n = self.samples.get(i).map_or(1, |&n| allocate::rounded(n, i as u64, pass, self.settings.seed));
+        if pass == 0 { n.max(1) } else { n }
+    }
+
+    fn learns(&self) -> bool {
+        self.settings.adaptive_sampling && self.settings.antialiasing == Antialiasing::Adaptive
+    }
+
+    fn learn(&mut self, film: &Film) {
+        self.samples = allocate::samples_per_pass(film);
+    }
+
+    fn sample(&self, camera: &CameraRay, _pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
+        let eye = Eye {
+            world: self.world,
+            settings: &self.settings,
+            direct: &self.direct,
+            caustics: self.map.as_ref(),
+            cache: self.cache.as_ref(),
+        };
+        eye.sample(camera, rng, counts)
+    }
+
+    fn remarks(&self, _counts: &Counts) -> Vec<String> {
+        Vec::new()
+    }
+}

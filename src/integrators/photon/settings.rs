@@ -1,0 +1,103 @@
+//! What the photon integrator is told.
+
+use crate::integrators::path::PathSettings;
+use crate::transport::direct::DirectSettings;
+use crate::transport::photon_map::Kernel;
+use clap::ValueEnum;
+
+/// How photons leave the lights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Emission {
+    /// Dense where derivatives predict edges, and only where specular surfaces are met.
+    #[default]
+    Adaptive,
+    /// In proportion to flux.
+    Uniform,
+}
+
+/// Where the indirect light of diffuse surfaces comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Indirect {
+    /// Irradiance cache with stored gather rays; paths where it does not reach.
+    #[default]
+    Cache,
+    /// Paths: the oracle of the cache.
+    Gather,
+    /// The global photon map alone.
+    Photons,
+}
+
+/// How many samples a pixel gets in each pass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Antialiasing {
+    /// More where the detector finds edges.
+    #[default]
+    Adaptive,
+    /// As many as on edges, everywhere.
+    Full,
+    /// One.
+    Off,
+}
+
+/// Settings of [`super::Photon`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotonSettings {
+    /// Depth, roulette, hidden emitters.
+    pub path: PathSettings,
+    /// Emission.
+    pub emission: Emission,
+    /// Direct light.
+    pub direct: DirectSettings,
+    /// Indirect light.
+    pub indirect: Indirect,
+    /// Antialiasing.
+    pub antialiasing: Antialiasing,
+    /// Photons per pass for the global map; `None`: as many as pixels.
+    pub photons: Option<u64>,
+    /// Photons per pass for caustics; `None`: as many as pixels.
+    pub caustic_photons: Option<u64>,
+    /// How radiance is estimated from photons.
+    pub kernel: Kernel,
+    /// Whether later samples go where the picture is noisy.
+    pub adaptive_sampling: bool,
+    /// Which light is shown.
+    pub parts: Parts,
+    /// Seed of photons and caches.
+    pub seed: u64,
+}
+
+impl Default for PhotonSettings {
+    fn default() -> Self {
+        PhotonSettings {
+            path: PathSettings::default(),
+            emission: Emission::default(),
+            direct: DirectSettings::default(),
+            indirect: Indirect::default(),
+            antialiasing: Antialiasing::default(),
+            photons: None,
+            caustic_photons: None,
+            kernel: Kernel::Footprint,
+            adaptive_sampling: true,
+            parts: Parts::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// Parts of the light that diffuse surfaces reflect. What is seen directly, in mirrors and through glass belongs to the part of
+/// the surface at the end; what glossy surfaces reflect by themselves counts as direct light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Parts {
+    /// Straight from the lights.
+    pub direct: bool,
+    /// From the lights by way of specular surfaces.
+    pub caustic: bool,
+    /// All else.
+    pub indirect: bool,
+}
+
+impl Default for Parts {
+    fn default() -> Self {
+        Parts { direct: true, caustic: true, indirect: true }
+    }
+}
