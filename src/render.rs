@@ -163,11 +163,15 @@ pub fn render(
     let filter = FilterSampler::new(scene.film.filter);
     let mut tiles = make_tiles(window, settings.features);
     let over = || stop.load(Ordering::Relaxed) || settings.deadline.is_some_and(|d| Instant::now() >= d);
+    // What is prepared for the first pass may take half of the time.
+    let begin = Instant::now();
+    let middle = settings.deadline.map(|d| begin + d.saturating_duration_since(begin) / 2);
+    let hurry = || stop.load(Ordering::Relaxed) || middle.is_some_and(|m| Instant::now() >= m);
     let coarse = |x: u32, y: u32| x.is_multiple_of(COARSE_BLOCK) && y.is_multiple_of(COARSE_BLOCK);
 
     let mut passes = 0;
     while settings.passes.is_none_or(|n| passes < n) && (passes == 0 || !over()) {
-        integrator.prepare(passes, &over);
+        integrator.prepare(passes, if passes == 0 { &hurry } else { &over });
         let job = Job { scene, integrator: &*integrator, filter: &filter, seed: settings.seed };
         if passes == 0 {
             tiles.par_iter_mut().for_each(|tile| job.run(tile, window, 0, coarse));

@@ -162,6 +162,7 @@ struct Stats<'a> {
     mean: [f64; 3],
     standard_error: [f64; 3],
     counts: Counts,
+    prepared: std::collections::BTreeMap<&'static str, u64>,
     invalid_samples: &'a [InvalidSample],
     remarks: &'a [String],
     error_curve: &'a [super::progress::ErrorPoint],
@@ -240,12 +241,16 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
             mean,
             standard_error,
             counts: done.counts,
+            prepared: integrator.figures().into_iter().collect(),
             invalid_samples: &done.invalid,
             remarks: &remarks,
             error_curve: &reporter.curve,
         };
         let text = serde_json::to_string_pretty(&stats)?;
         atomic::write_file(path, (text + "\n").as_bytes())?;
+    }
+    if args.verbose {
+        integrator.figures().iter().for_each(|(name, n)| tell(format_args!("{name}: {n}")));
     }
     remarks.iter().for_each(|r| tell(format_args!("note: {r}")));
     if stop.load(Ordering::Relaxed) {

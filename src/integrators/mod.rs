@@ -80,6 +80,11 @@ pub trait Integrator: Sync {
     /// the sampler's numbers.
     fn sample(&self, ray: &CameraRay, pass: u64, sampler: &mut Sampler, counts: &mut Counts) -> (Rgb, Features);
 
+    /// What was prepared, by name: sizes of maps and caches, rays traced for them.
+    fn figures(&self) -> Vec<(&'static str, u64)> {
+        Vec::new()
+    }
+
     /// What the user should know after the run: what this algorithm could not do in this scene.
     fn remarks(&self, counts: &Counts) -> Vec<String>;
 }

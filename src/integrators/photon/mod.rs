@@ -123,6 +123,27 @@ impl Integrator for Photon<'_> {
         eye.sample(camera, rng, counts)
     }
 
+    fn figures(&self) -> Vec<(&'static str, u64)> {
+        let mut all = Vec::new();
+        if let Some(map) = &self.map {
+            all.push(("caustic photons stored", map.stored() as u64));
+        }
+        if let Some(cache) = &self.cache {
+            let s = cache.statistics();
+            all.extend([
+                ("cache records", s.records as u64),
+                ("cache surfels", s.surfels as u64),
+                ("cache records of least radius", s.smallest as u64),
+                ("cache rays of records", s.record_rays.rays),
+                ("cache rays of surfels", s.surfel_rays.rays),
+                ("cache shadow rays", s.record_rays.shadow_rays + s.surfel_rays.shadow_rays),
+                ("cache places left", s.left as u64),
+                ("cache hopeless", u64::from(s.hopeless)),
+            ]);
+        }
+        all
+    }
+
     fn remarks(&self, _counts: &Counts) -> Vec<String> {
         Vec::new()
     }
