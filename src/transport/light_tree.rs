@@ -2,10 +2,12 @@
 //!
 //! Estimates   sum_i c_i over all lights by c_i / pmf_i for a light i drawn by descent: at each node the child j is taken with
 //!             probability I_j / (I_1 + I_2), I the importance of its bounds at the point
-//!             I = Phi cos(theta') cos(theta_i') / d^2,  theta' = (theta - theta_o - theta_u)+,  theta_i' = (theta_i - theta_u)+
-//!             (Conty Estevez and Kulla 2018, eq. 3), 0 only where nothing arrives: theta' beyond the emission, or all below
+//!             I = P cos(theta') cos(theta_i') / d^2,  theta' = (theta - theta_o - theta_u)+,  theta_i' = (theta_i - theta_u)+
+//!             (Conty Estevez and Kulla 2018, eq. 3), P the sum of the largest radiant intensities
+//!             (with power, narrow spots would come off too low), 0 only where nothing arrives: theta' beyond the emission, or all below
 //!             the receiver's plane
-//! Measure     discrete (`pmf`), the product of the probabilities on the way
+//! Measure     discrete (`pmf`), the product of the probabilities on the way; what is missing to a sum of 1 is the probability
+//!             to end at a node whose children turn out to send nothing
 //! Source      Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting": cones,
 //!             importance, surface area orientation heuristic (eq. 1); Pharr et al., PBR 4 section 12.6.3, for clamped cosines
 //! At infinity parallel light and the environment (one unit, all of it together) are entries beside the root, by their irradiance
@@ -77,7 +79,8 @@ struct Bounds {
     hi: Vec3,
     cone: Cone,
     cos_emission: f32,
-    power: f32,
+    /// Sum of largest intensities.
+    strength: f32,
 }
 
 /// Directions up to an angle from an axis.
@@ -137,7 +140,7 @@ fn with_sine(cos: f32) -> (f32, f32) {
 impl Bounds {
     fn of(e: &EmitterBounds) -> Self {
         let cone = Cone { axis: e.axis, cos: e.cos_normals };
-        Bounds { lo: e.bounds.0, hi: e.bounds.1, cone, cos_emission: e.cos_emission, power: e.power }
+        Bounds { lo: e.bounds.0, hi: e.bounds.1, cone, cos_emission: e.cos_emission, strength: e.intensity }
     }
 
     fn union(self, o: Bounds) -> Self {
@@ -146,7 +149,7 @@ impl Bounds {
             hi: self.hi.max(o.hi),
             cone: self.cone.union(o.cone),
             cos_emission: self.cos_emission.min(o.cos_emission),
-            power: self.power + o.power,
+            strength: self.strength + o.strength,
         }
     }
 
@@ -154,7 +157,7 @@ impl Bounds {
         0.5 * (self.lo + self.hi)
     }
 
-    /// Power times the solid angle of emission times surface area: the cost of Conty Estevez and Kulla's eq. 1.
+    /// Strength times the solid angle of emission times surface area: the cost of Conty Estevez and Kulla's eq. 1.
     fn cost(&self, stretch: f32) -> f32 {
         let (o, e) = (self.cone.cos.clamp(-1.0, 1.0).acos(), self.cos_emission.clamp(-1.0, 1.0).acos());
         let w = (o + e).min(PI);
@@ -162,7 +165,7 @@ impl Bounds {
         let measure =
             2.0 * PI * (1.0 - o.cos()) + 0.5 * PI * (2.0 * w * sin_o - (o - 2.0 * w).cos() - 2.0 * o * sin_o + o.cos());
         let d = self.hi - self.lo;
-        self.power * measure * stretch * (d.x * d.y + d.y * d.z + d.z * d.x)
+        self.strength * measure * stretch * (d.x * d.y + d.y * d.z + d.z * d.x)
     }
 
     /// Importance at a point.
@@ -173,7 +176,7 @@ impl Bounds {
         let true_d2 = to.length_squared();
         let d2 = true_d2.max(radius2);
         if !(d2 > 0.0) {
-            return if self.power > 0.0 { f32::MAX.sqrt() } else { 0.0 };
+            return if self.strength > 0.0 { f32::MAX.sqrt() } else { 0.0 };
         }
         let wi = if true_d2 > 0.0 { to / true_d2.sqrt() } else { Vec3::Z };
         // Angle under which the bounding sphere is seen, a little larger against rounding.
@@ -186,7 +189,7 @@ impl Bounds {
         if cos <= self.cos_emission - 1e-6 {
             return 0.0;
         }
-        let mut importance = self.power * cos.max(0.01) / d2;
+        let mut importance = self.strength * cos.max(0.01) / d2;
         if let Some(n) = at.n {
             // Above the plane? A box is above it where its farthest corner is.
             let reach = to.dot(n) + half.dot(n.abs());
@@ -200,11 +203,11 @@ impl Bounds {
 }
 
 impl Infinite {
-    /// On the scale of [`Bounds::importance`], which is pi times the irradiance of a small lamp.
+    /// On the scale of [`Bounds::importance`]: irradiance.
     fn importance(&self, at: &LitPoint) -> f32 {
         match self {
-            Infinite::Parallel(towards, e) => PI * e * at.n.map_or(1.0, |n| n.dot(*towards).max(0.0)),
-            Infinite::Environment(radiance) => PI * PI * radiance,
+            Infinite::Parallel(towards, e) => e * at.n.map_or(1.0, |n| n.dot(*towards).max(0.0)),
+            Infinite::Environment(radiance) => PI * radiance,
         }
     }
 }
@@ -217,7 +220,7 @@ impl LightTree {
         let mut finite = Vec::new();
         for i in 0..lights.emitter_count() as u32 {
             if let Some(bounds) = lights.emitter_bounds(&scene.shapes, i) {
-                if bounds.power > 0.0 && bounds.bounds.0.is_finite() && bounds.bounds.1.is_finite() {
+                if bounds.intensity > 0.0 && bounds.bounds.0.is_finite() && bounds.bounds.1.is_finite() {
                     finite.push((Bounds::of(&bounds), i));
                 }
             } else if let Some((towards, irradiance)) = lights.parallel(i).filter(|(_, e)| *e > 0.0) {
@@ -375,3 +378,7 @@ fn split(list: &mut [(Bounds, u32)]) -> usize {
     let first = list.iter().take_while(|(b, _)| bucket(b, axis) < cut).count();
     if first == 0 || first == list.len() { middle } else { first }
 }
+
+#[cfg(test)]
+#[path = "light_tree_tests.rs"]
+mod tests;

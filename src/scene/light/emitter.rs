@@ -18,6 +18,7 @@ use crate::scene::shape::{Disk, Geometry, Shape, ShapeHit};
 use crate::scene::surface::SurfacePoint;
 use crate::scene::texture::{Color, Textures};
 use arrayvec::ArrayVec;
+use std::f32::consts::FRAC_1_PI;
 use std::f64::consts::PI;
 
 /// An emitter in view of a point, ready to be sampled. (Lights at infinity that have a density are not among them: see
@@ -30,6 +31,7 @@ pub struct EmitterView<'a> {
 }
 
 #[derive(Clone, Copy)]
+#[expect(clippy::large_enum_variant, reason = "made where it stays, once per lamp and point")]
 enum Kind<'a> {
     Lamp {
         seen: Seen<'a>,
@@ -176,8 +178,8 @@ pub struct EmitterBounds {
     pub cos_normals: f32,
     /// Cosine of the angle from a normal up to which it emits: 0 for lamps.
     pub cos_emission: f32,
-    /// Emitted power, W, mean of the channels.
-    pub power: f32,
+    /// Largest radiant intensity over all directions, W/sr, mean of the channels: the irradiance at distance 1.
+    pub intensity: f32,
 }
 
 impl Lights {
@@ -237,18 +239,20 @@ impl Lights {
 
     /// Where the emitter is and which way it shines; `None` for lights at infinity.
     pub fn emitter_bounds(&self, shapes: &[Shape], emitter: u32) -> Option<EmitterBounds> {
-        let power = self.powers[emitter as usize] as f32;
+        // Of a plane lamp: area times radiance.
+        let intensity = self.powers[emitter as usize] as f32 * FRAC_1_PI;
         let flat = |points: &[Vec3], axis: Vec3| EmitterBounds {
             bounds: points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |b, p| (b.0.min(*p), b.1.max(*p))),
             axis,
             cos_normals: 1.0,
             cos_emission: 0.0,
-            power,
+            intensity,
         };
         match self.emitters[emitter as usize].source {
             Source::Surface { shape, prim, patch } => {
                 let shape = &shapes[shape as usize];
-                let round = EmitterBounds { cos_normals: -1.0, ..flat(&[shape.bounds().0, shape.bounds().1], Vec3::Z) };
+                let all_round =
+                    EmitterBounds { cos_normals: -1.0, ..flat(&[shape.bounds().0, shape.bounds().1], Vec3::Z) };
                 Some(match (self.patches.get(patch as usize), &shape.geometry) {
                     (Some(patch), _) => {
                         let r = &patch.rectangle;
@@ -261,17 +265,21 @@ impl Lights {
                         let cos = m.triangles[prim as usize].map(vertex).into_iter().fold(1.0, f32::min);
                         EmitterBounds { cos_normals: cos.max(-1.0), ..flat(&m.corners(prim), n) }
                     }
-                    (None, Geometry::Disk(d)) => EmitterBounds { axis: d.n, cos_normals: 1.0, ..round },
-                    _ => round,
+                    (None, Geometry::Disk(d)) => EmitterBounds { axis: d.n, cos_normals: 1.0, ..all_round },
+                    // Seen from any side: a quarter of the surface, and the section along the axis.
+                    (None, Geometry::Sphere(_)) => EmitterBounds { intensity: 0.25 * intensity, ..all_round },
+                    (None, _) => EmitterBounds { intensity: intensity * FRAC_1_PI, ..all_round },
                 })
             }
             Source::Delta(k) => match &self.deltas[k as usize] {
-                DeltaLight::Point { position, .. } => {
-                    Some(EmitterBounds { cos_normals: -1.0, ..flat(&[*position], Vec3::Z) })
+                DeltaLight::Point { position, intensity } => {
+                    let intensity = mean_channel(*intensity) as f32;
+                    Some(EmitterBounds { cos_normals: -1.0, intensity, ..flat(&[*position], Vec3::Z) })
                 }
-                DeltaLight::Spot { position, to_local, cutoff, .. } => {
+                DeltaLight::Spot { position, to_local, cutoff, intensity, .. } => {
                     let axis = to_local.transpose() * Vec3::Z;
-                    Some(EmitterBounds { cos_emission: cutoff.cos(), ..flat(&[*position], axis) })
+                    let intensity = mean_channel(*intensity) as f32;
+                    Some(EmitterBounds { cos_emission: cutoff.cos(), intensity, ..flat(&[*position], axis) })
                 }
                 DeltaLight::Directional { .. } => None,
             },

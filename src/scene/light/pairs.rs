@@ -14,7 +14,8 @@ pub(super) fn parallelograms(shape: &Shape) -> Vec<Option<(u32, Rectangle)>> {
     let (Geometry::Mesh(mesh), Some(Color::Constant(_))) = (&shape.geometry, &shape.emission) else {
         return Vec::new();
     };
-    if !mesh.normals.is_empty() {
+    // A mesh made by hand may have no adjacency.
+    if !mesh.normals.is_empty() || mesh.neighbors.len() < mesh.triangles.len() {
         return Vec::new();
     }
     let mut pairs = vec![None; mesh.triangles.len()];

@@ -2,6 +2,7 @@
 
 mod area;
 mod delta;
+mod emitter;
 mod environment;
 mod selection;
 
