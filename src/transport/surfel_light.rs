@@ -9,7 +9,7 @@
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
 //! Solved by sweeps in the order of the surfels (Gauss-Seidel), which converge at least like albedo^k, to
 //! [`CONVERGED`] of the mean.
-//! Rays of surfels found the next ones, once: ends of *their* rays for which there is no surfel take one in the
+//! Rays of surfels found the next ones, in the largest cells and once: ends of *their* rays for which there is no surfel take one in the
 //! neighbourhood, and where there is none the rest of the row stands for the lost rays.
 //! Source      METHODS: direct-to-indirect transfer over clustered hits; cf. Hasan, Pellacini, Bala 2006
 //! Bias        that of the clusters (`surfels.rs`) and of the neighbours of third order; none from the number of samples
@@ -96,7 +96,6 @@ pub struct SurfelLight {
 /// What a gather ray of a surfel ended on.
 struct Found {
     at: Facet,
-    distance: f32,
     weight: Rgb,
     /// The surfel there, if known.
     surfel: Option<u32>,
@@ -175,8 +174,8 @@ impl SurfelLight {
                         });
                         found.push(g.end.map(|end| {
                             let facet = Facet::seen_from(&end.at, end.wo);
-                            let surfel = surfels.find(world, &facet, g.distance);
-                            Found { at: facet, distance: g.distance, weight: end.weight, surfel }
+                            let surfel = surfels.find(world, &facet, f32::INFINITY);
+                            Found { at: facet, weight: end.weight, surfel }
                         }));
                     }
                 }
@@ -191,7 +190,7 @@ impl SurfelLight {
                 for f in row.iter().flatten() {
                     let surfel = match f.surfel {
                         None if last => self.surfels.find_coarse(&f.at),
-                        None => Some(self.surfels.find_or_insert(world, &f.at, f.distance)),
+                        None => Some(self.surfels.find_or_insert(world, &f.at, f32::INFINITY)),
                         known => known,
                     };
                     match surfel {
