@@ -1,9 +1,11 @@
 //! Irradiance of surfels: direct light by light samples, all further bounces by the transport operator.
 //!
 //! ```text
-//! E_j = D_j + C_j + G_j + sum_r T_jr E_s(r),        T_jr = weight_r / n        r = the n gather rays of surfel j
+//! E_j = D_j + C_j + I_l(j),      I_l = G_l + sum_r T_lr E_s(r),      T_lr = weight_r / n,      r = the n gather rays of l
 //! ```
 //!
+//! l(j) is the surfel of the large cell around j (j itself if its cell is large): what comes after the second bounce varies
+//! so slowly that only large cells gather, from one another.
 //! D = direct irradiance, mean over light samples of weight cos V; C = irradiance by caustics, from a callback; G = pi / n
 //! times the sum of what glossy vertices of the rays scatter from lamps; weight_r = throughput times albedo at the end of
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
@@ -83,9 +85,15 @@ pub struct SurfelLight {
     /// Rays traced.
     pub counts: RayCounts,
     settings: SurfelSettings,
-    /// D + C + G (or everything, from a map).
+    /// D + C (or everything, from a map).
     own: Vec<Rgb>,
+    /// I of large surfels.
+    indirect: Vec<Rgb>,
+    /// G of large surfels.
+    scattered: Vec<Rgb>,
     total: Vec<Rgb>,
+    /// l: the surfel that gathers for each.
+    gatherer: Vec<u32>,
     /// End of the surfel's row in `entries`.
     row_ends: Vec<u32>,
     entries: Vec<Entry>,
@@ -109,7 +117,10 @@ impl SurfelLight {
             counts: RayCounts::default(),
             settings,
             own: Vec::new(),
+            indirect: Vec::new(),
+            scattered: Vec::new(),
             total: Vec::new(),
+            gatherer: Vec::new(),
             row_ends: Vec::new(),
             entries: Vec::new(),
             glossy: Vec::new(),
@@ -125,16 +136,22 @@ impl SurfelLight {
     pub fn extend(&mut self, world: &World, light: &HitLight) {
         let first = self.total.len();
         let with_rows = matches!(light, HitLight::Operator { .. });
+        for k in first..self.surfels.len() {
+            let large = self.surfels.is_large(k) || !with_rows;
+            let at = self.surfels.places()[k];
+            let gatherer = if large { k as u32 } else { self.surfels.find_or_insert(world, &at, f32::INFINITY) };
+            self.gatherer.push(gatherer);
+        }
         for generation in 0..2 {
             let start = self.row_ends.len();
-            if start == self.surfels.len() {
-                break;
-            }
+            self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
             self.gather(world, start, with_rows, generation == 1);
         }
-        self.own.resize(self.surfels.len(), Rgb::ZERO);
+        let zeros = vec![Rgb::ZERO; self.surfels.len() - first];
+        for values in [&mut self.own, &mut self.indirect, &mut self.scattered, &mut self.total] {
+            values.extend_from_slice(&zeros);
+        }
         self.light(world, light, first);
-        self.total.extend_from_slice(&self.own[first..]);
         self.sweeps(first, 8);
     }
 
@@ -146,10 +163,8 @@ impl SurfelLight {
     /// Evaluates all light anew, without a gather ray.
     pub fn relight(&mut self, world: &World, light: &HitLight) {
         self.light(world, light, 0);
-        self.total.copy_from_slice(&self.own);
-        if !matches!(light, HitLight::Map { .. } | HitLight::OneBounce { .. }) {
-            self.solve();
-        }
+        self.indirect.fill(Rgb::ZERO);
+        self.solve();
     }
 
     /// Traces the rows of the surfels from `start` on.
@@ -163,7 +178,7 @@ impl SurfelLight {
                 let mut counts = RayCounts::default();
                 let mut found = Vec::with_capacity(chunk.len() * n as usize);
                 let mut glossy = Vec::new();
-                for &k in chunk {
+                for &k in chunk.iter().filter(|&&k| surfels.is_large(k)) {
                     let place = surfels.places()[k];
                     let (at, frame) = (place.surface_point(), Frame::from_normal(place.n_shade));
                     for i in 0..n {
@@ -182,10 +197,16 @@ impl SurfelLight {
                 (found, glossy, counts)
             })
             .collect();
+        let mut next = start;
         for (found, glossy, counts) in traced {
             self.counts += counts;
             self.glossy.extend(glossy);
             for row in found.chunks(n.max(1) as usize) {
+                while !self.surfels.is_large(next) {
+                    self.row_ends.push(self.entries.len() as u32);
+                    next += 1;
+                }
+                next += 1;
                 let (begin, mut lost) = (self.entries.len(), 0);
                 for f in row.iter().flatten() {
                     let surfel = match f.surfel {
@@ -204,9 +225,7 @@ impl SurfelLight {
                 self.row_ends.push(self.entries.len() as u32);
             }
         }
-        if n == 0 {
-            self.row_ends.resize(indices.len() + start, self.entries.len() as u32);
-        }
+        self.row_ends.resize(indices.len() + start, self.entries.len() as u32);
     }
 
     /// Light that does not come from other surfels, for those from `start` on.
@@ -235,6 +254,7 @@ impl SurfelLight {
             *own = value;
             self.counts += counts;
         }
+        self.scattered[start..].fill(Rgb::ZERO);
         if matches!(light, HitLight::Operator { .. }) {
             // Vertices lie in the order of their surfels.
             let from = glossy.partition_point(|(k, _)| (*k as usize) < start);
@@ -249,32 +269,36 @@ impl SurfelLight {
                 })
                 .collect();
             for ((k, _), (value, counts)) in glossy[from..].iter().zip(scattered) {
-                self.own[*k as usize] += value * (PI / settings.gather_rays as f32);
+                self.scattered[*k as usize] += value * (PI / settings.gather_rays as f32);
                 self.counts += counts;
             }
         }
     }
 
-    /// Gauss-Seidel sweeps over the surfels from `start` on.
+    /// Gauss-Seidel sweeps over the large surfels from `start` on; then the others follow them.
     fn sweeps(&mut self, start: usize, limit: u32) {
         let n = self.total.len();
-        if self.entries.is_empty() || start == n {
-            return;
+        if !self.entries.is_empty() {
+            for _ in 0..limit {
+                let (mut change, mut sum, mut count) = (0f32, 0f32, 0u32);
+                for k in (start..n).filter(|&k| self.gatherer[k] as usize == k) {
+                    let begin = if k == 0 { 0 } else { self.row_ends[k - 1] as usize };
+                    let row = &self.entries[begin..self.row_ends[k] as usize];
+                    let gathered: Rgb = row.iter().map(|e| e.weight * self.total[e.surfel as usize]).sum();
+                    self.indirect[k] = self.scattered[k] + gathered;
+                    let value = self.own[k] + self.indirect[k];
+                    change = change.max((value - self.total[k]).abs().max_element());
+                    sum += luminance(value);
+                    count += 1;
+                    self.total[k] = value;
+                }
+                if change <= CONVERGED * sum / count.max(1) as f32 {
+                    break;
+                }
+            }
         }
-        for _ in 0..limit {
-            let (mut change, mut sum) = (0f32, 0f32);
-            for k in start..n {
-                let begin = if k == 0 { 0 } else { self.row_ends[k - 1] as usize };
-                let row = &self.entries[begin..self.row_ends[k] as usize];
-                let gathered: Rgb = row.iter().map(|e| e.weight * self.total[e.surfel as usize]).sum();
-                let value = self.own[k] + gathered;
-                change = change.max((value - self.total[k]).abs().max_element());
-                sum += luminance(value);
-                self.total[k] = value;
-            }
-            if change <= CONVERGED * sum / (n - start) as f32 {
-                break;
-            }
+        for k in start..n {
+            self.total[k] = self.own[k] + self.indirect[self.gatherer[k] as usize];
         }
     }
 }

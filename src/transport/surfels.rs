@@ -96,6 +96,8 @@ pub struct Surfels {
     places: Vec<Facet>,
     /// Whether nothing rises around the surfel within its cell.
     clear: Vec<bool>,
+    /// Whether the surfel stands for one of the largest cells.
+    large: Vec<bool>,
     /// Next surfel of the same cell.
     next: Vec<u32>,
     first: Grid,
@@ -105,13 +107,25 @@ pub struct Surfels {
 impl Surfels {
     /// No surfels yet; `cell` is the edge of the largest cells.
     pub fn new(cell: f32) -> Self {
-        let (places, clear, next) = (Vec::new(), Vec::new(), Vec::new());
-        Surfels { cell, places, clear, next, first: Grid::default(), coarse: Grid::default() }
+        Surfels {
+            cell,
+            places: Vec::new(),
+            clear: Vec::new(),
+            large: Vec::new(),
+            next: Vec::new(),
+            first: Grid::default(),
+            coarse: Grid::default(),
+        }
     }
 
     /// The surfels, by index.
     pub fn places(&self) -> &[Facet] {
         &self.places
+    }
+
+    /// Whether surfel `k` stands for one of the largest cells, as those found at infinite distance do.
+    pub fn is_large(&self, k: usize) -> bool {
+        self.large[k]
     }
 
     /// Number of surfels.
@@ -193,6 +207,7 @@ impl Surfels {
         let before = self.first.insert(Self::key(edge, level, at.p, at.n_geo), k);
         self.places.push(*at);
         self.clear.push(clear);
+        self.large.push(level == 0);
         self.next.push(before.unwrap_or(NONE));
         self.coarse.entry(Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)).or_insert(k);
         k
