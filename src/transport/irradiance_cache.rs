@@ -16,7 +16,7 @@
 //! let mut cache = IrradianceCache::new(world, CacheSettings::default());
 //! let light = HitLight::Operator { caustic: &|p, n| map.irradiance(p, n) };       // or &|_, _| Rgb::ZERO
 //! for stride in [16, 8, 4, 2] {                                                   // pixels, coarse to fine
-//!     let places: Vec<Place> = ...first diffuse hit (beyond mirrors and glass) of every stride-th pixel, new ones only;
+//!     let places: Vec<Place> = ...first diffuse hit (beyond mirrors and glass) of every stride-th pixel;
 //!     cache.fill(&places, &light, max_new);
 //! }
 //! cache.finish();                            // all bounces of all surfels, once before the samples are taken
@@ -227,6 +227,10 @@ impl<'a> IrradianceCache<'a> {
             self.add(&round, light);
             budget -= size;
             open = self.uncovered(places, rest);
+            if open.is_empty() {
+                // Radii shrink by what neighbours learn: some places have lost their record.
+                open = self.uncovered(places, (0..places.len() as u32).collect());
+            }
             let records = self.records.len();
             self.hopeless = records >= HOPELESS.0 && self.smallest() as f32 > HOPELESS.1 * records as f32;
         }

@@ -37,6 +37,10 @@ const MAX_PLANE_DISTANCE: f32 = 0.15;
 const CLEARANCE_RAYS: u32 = 6;
 /// Height of those rays over the surface, in cells.
 const LIFT: f32 = 0.02;
+/// Surfels of one cell. In hair or foliage any of so many stands for a further hit: the choice is as good as random.
+const CROWD: u32 = 6;
+/// Least cosine between normals within a crowd.
+const CROWD_NORMAL_COS: f32 = 0.3;
 /// Coarse cells, in which some place is always found, over the largest ordinary ones.
 const COARSE: f32 = 4.0;
 const NONE: u32 = u32::MAX;
@@ -175,6 +179,7 @@ impl Surfels {
         let level = self.level(distance);
         let edge = self.edge(level);
         let mut k = *self.first.get(&Self::key(edge, level, at.p, at.n_geo))?;
+        let (mut count, mut like) = (0, (CROWD_NORMAL_COS, None));
         while k != NONE {
             let s = &self.places[k as usize];
             let offset = s.p - at.p;
@@ -185,9 +190,14 @@ impl Surfels {
             if near && (self.clear[k as usize] || Self::unobstructed(world, at, s.p, LIFT * edge)) {
                 return Some(k);
             }
+            let cos = s.n_geo.dot(at.n_geo);
+            if cos > like.0 {
+                like = (cos, Some(k));
+            }
+            count += 1;
             k = self.next[k as usize];
         }
-        None
+        if count >= CROWD { like.1 } else { None }
     }
 
     /// The surfel that represents the hit, a new one if need be.
