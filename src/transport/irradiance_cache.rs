@@ -79,7 +79,7 @@ pub struct CacheSettings {
 impl Default for CacheSettings {
     fn default() -> Self {
         CacheSettings {
-            error: 0.05,
+            error: 0.015,
             gather_rays: 256,
             min_radius_pixels: 2.0,
             max_radius: 0.1,

@@ -31,7 +31,7 @@ const CONVERGED: f32 = 1e-4;
 /// Most sweeps: with the least albedo 0.98 of a closed white room this leaves 0.2 % of the light.
 const MAX_SWEEPS: u32 = 300;
 /// Aim for the relative variance of a surfel's direct light: a record averages some hundred surfels.
-const DIRECT_VARIANCE: f32 = 0.02;
+const DIRECT_VARIANCE: f32 = 0.05;
 /// Most light samples over the least number.
 const MAX_MORE_SAMPLES: f32 = 8.0;
 /// Surfels from which that is found out.
@@ -145,6 +145,7 @@ impl SurfelLight {
 
     /// Lights the surfels that were founded since the last call, and those that their rays found.
     pub fn extend(&mut self, world: &World, light: &HitLight) {
+        self.surfels.coarsen();
         let first = self.total.len();
         let with_rows = matches!(light, HitLight::Operator { .. });
         for k in first..self.surfels.len() {
@@ -154,6 +155,7 @@ impl SurfelLight {
             self.gatherer.push(gatherer);
         }
         for generation in 0..2 {
+            self.surfels.coarsen();
             let start = self.row_ends.len();
             self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
             self.gather(world, start, with_rows, generation == 1);

@@ -28,7 +28,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 /// Edge of a cell over the length of the gather ray: about the spacing of some 250 rays over a hemisphere.
 pub const CELL_PER_DISTANCE: f32 = 0.1;
 /// Levels of cells, each half as large as the one before.
-const LEVELS: u32 = 6;
+const LEVELS: u32 = 3;
 /// Least cosine between the normals of a surfel and of a hit.
 const MIN_NORMAL_COS: f32 = 0.9;
 /// Greatest distance of a hit from the plane of its surfel, in cells.
@@ -41,6 +41,9 @@ const LIFT: f32 = 0.02;
 const CROWD: u32 = 6;
 /// Least cosine between normals within a crowd.
 const CROWD_NORMAL_COS: f32 = 0.3;
+/// Surfels beyond which cells are doubled, for the first time and each time over the number before.
+const MANY: usize = 50_000;
+const MORE: f32 = 1.5;
 /// Coarse cells, in which some place is always found, over the largest ordinary ones.
 const COARSE: f32 = 4.0;
 const NONE: u32 = u32::MAX;
@@ -100,8 +103,10 @@ pub struct Surfels {
     places: Vec<Facet>,
     /// Whether nothing rises around the surfel within its cell.
     clear: Vec<bool>,
-    /// Whether the surfel stands for one of the largest cells.
-    large: Vec<bool>,
+    /// Level of the surfel's cell: 0 is one of the largest.
+    levels: Vec<u8>,
+    /// Number of surfels at which cells are doubled.
+    limit: usize,
     /// Next surfel of the same cell.
     next: Vec<u32>,
     first: Grid,
@@ -115,7 +120,8 @@ impl Surfels {
             cell,
             places: Vec::new(),
             clear: Vec::new(),
-            large: Vec::new(),
+            levels: Vec::new(),
+            limit: MANY,
             next: Vec::new(),
             first: Grid::default(),
             coarse: Grid::default(),
@@ -129,7 +135,7 @@ impl Surfels {
 
     /// Whether surfel `k` stands for one of the largest cells, as those found at infinite distance do.
     pub fn is_large(&self, k: usize) -> bool {
-        self.large[k]
+        self.levels[k] == 0
     }
 
     /// Number of surfels.
@@ -217,10 +223,28 @@ impl Surfels {
         let before = self.first.insert(Self::key(edge, level, at.p, at.n_geo), k);
         self.places.push(*at);
         self.clear.push(clear);
-        self.large.push(level == 0);
+        self.levels.push(level as u8);
         self.next.push(before.unwrap_or(NONE));
         self.coarse.entry(Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)).or_insert(k);
         k
+    }
+
+    /// Doubles the cells if there are too many surfels for them: geometry that fills space, such as hair.
+    pub fn coarsen(&mut self) {
+        if self.places.len() < self.limit {
+            return;
+        }
+        self.limit = (self.limit as f32 * MORE) as usize;
+        self.cell *= 2.0;
+        // What was clear within the old cell need not be within the new one.
+        self.clear.fill(false);
+        (self.first, self.coarse) = (Grid::default(), Grid::default());
+        for (k, at) in self.places.iter().enumerate() {
+            let level = u32::from(self.levels[k]);
+            let key = Self::key(self.edge(level), level, at.p, at.n_geo);
+            self.next[k] = self.first.insert(key, k as u32).unwrap_or(NONE);
+            self.coarse.entry(Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)).or_insert(k as u32);
+        }
     }
 
     /// Some surfel in the neighbourhood that faces the same way, for light of so high an order that it hardly varies.
