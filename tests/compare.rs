@@ -32,8 +32,16 @@ fn number(value: &serde_json::Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("a number, not {value}"))
 }
 
-const SHALLOW: [&str; 8] =
-    ["--config", "full:", "--config", "shallow: --max-depth 3", "--equal", "passes", "--reference-budget", "128"];
+const SHALLOW: [&str; 8] = [
+    "--config",
+    "full: --integrator path",
+    "--config",
+    "shallow: --integrator path --max-depth 3",
+    "--equal",
+    "passes",
+    "--reference-budget",
+    "128",
+];
 
 #[test]
 fn table_json_and_page_tell_the_same() {
@@ -94,10 +102,24 @@ fn equal_time_ends_on_time_and_references_can_be_files() {
     let dir = tempfile::tempdir().expect("scratch folder");
     let scene = scene("cornell-box.xml");
     for (file, seed) in [("a.exr", "11"), ("b.exr", "12")] {
-        let made = ["render", &scene, "--scale", "0.06", "--spp", "64", "--seed", seed, "-o", file, "-q"];
+        let made = [
+            "render",
+            &scene,
+            "--integrator",
+            "path",
+            "--scale",
+            "0.06",
+            "--spp",
+            "64",
+            "--seed",
+            seed,
+            "-o",
+            file,
+            "-q",
+        ];
         assert!(dualux(dir.path(), &made).status.success());
     }
-    let configs = ["--config", "one: --seed 3", "--config", "two: --seed 40"];
+    let configs = ["--config", "one: --integrator path --seed 3", "--config", "two: --integrator path --seed 40"];
     let mut args = configs.to_vec();
     args.extend(["--budget", "300ms", "--seeds", "2", "--reference", "a.exr", "b.exr", "-q"]);
     let out = compare(dir.path(), &args);
@@ -147,7 +169,11 @@ fn mistakes_are_explained() {
         (&["--config", "a:", "--config", "b: --scale 0.1", "--reference-budget", "1"], 1, "another size"),
         (&["--config", "a:", "--reference", "missing.exr"], 1, "missing.exr"),
         (&["--config", "a: -D nonsense=1"], 1, "nonsense"),
-        (&["--config", "a:", "--equal", "photons", "--seeds", "1", "--reference-budget", "1"], 1, "no photon"),
+        (
+            &["--config", "a: --integrator path", "--equal", "photons", "--seeds", "1", "--reference-budget", "1"],
+            1,
+            "no photon",
+        ),
     ];
     for (args, code, part) in cases {
         let out = compare(dir.path(), args);

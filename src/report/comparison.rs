@@ -16,6 +16,8 @@ pub struct Run {
     pub points: Vec<Point>,
     /// What was counted.
     pub counts: Counts,
+    /// Share of the pixels that have more samples than the least sampled ones.
+    pub favoured_pixels: f64,
     /// The picture, as [`Reference::prepare`] makes it.
     pub picture: Vec<Rgb>,
     /// Errors of the picture.
@@ -122,6 +124,10 @@ pub struct Summary {
     pub shadow_rays: f64,
     /// Photons emitted.
     pub photons: f64,
+    /// All that the first run counted, by the integrator's own names.
+    pub counts: Counts,
+    /// Share of the pixels that have more samples than the least sampled ones, in the first run.
+    pub favoured_pixels: f64,
     /// CPU time of the baseline over ours at equal error; `None` for the baseline and where it cannot be read.
     pub speed_up: Option<SpeedUp>,
     /// The same in photons.
@@ -186,6 +192,8 @@ impl Comparison {
             rays: count(|c| c.rays),
             shadow_rays: count(|c| c.shadow_rays),
             photons: count(|c| c.photons),
+            counts: c.runs[0].counts,
+            favoured_pixels: c.runs[0].favoured_pixels,
             speed_up: if other { speed_up(&base, &courses, |p| p.cpu_seconds) } else { None },
             photon_gain: if other { speed_up(&base, &courses, |p| p.photons as f64) } else { None },
             curve: mean_curve(&courses),

@@ -171,15 +171,11 @@ fn crop_grid(pictures: &[(String, Embedded)], c: &Comparison) -> String {
     let chosen = crops(&firsts, &c.reference, side, CROPS);
     for (row, &(x, y)) in chosen.iter().enumerate() {
         for (i, (name, _)) in pictures.iter().enumerate() {
-            let caption = match (row + 1 == chosen.len(), i) {
-                (true, _) => escape(name),
-                (false, _) => String::new(),
-            };
+            let caption = if row == 0 { escape(name) } else { String::new() };
             let _ = writeln!(
                 s,
-                "<figure><div class=\"img p{i}\" role=\"img\" aria-label=\"{} at {x}, {y}\" style=\"height: {CROP_WIDTH}px; \
-                 background-size: {:.1}px {:.1}px; background-position: -{:.1}px -{:.1}px\"></div>\
-                 <figcaption>{caption}</figcaption></figure>",
+                "<figure><figcaption>{caption}</figcaption><div class=\"img p{i}\" role=\"img\" aria-label=\"{} at {x}, {y}\" style=\"height: {CROP_WIDTH}px; \
+                 background-size: {:.1}px {:.1}px; background-position: -{:.1}px -{:.1}px\"></div></figure>",
                 escape(name),
                 w as f64 * scale,
                 h as f64 * scale,

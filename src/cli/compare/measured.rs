@@ -87,6 +87,8 @@ struct Watch<'a> {
     user_stop: &'a AtomicBool,
     stop: &'a AtomicBool,
     points: Vec<Point>,
+    /// Samples taken when the last point was.
+    samples_at_point: Option<u64>,
 }
 
 impl Watch<'_> {
@@ -94,6 +96,7 @@ impl Watch<'_> {
         let (cpu, wall) = self.clock.times();
         let reference = self.reference;
         let relmse = self.clock.outside(|| reference.and_then(|r| r.relmse(&picture(&film())).ok()));
+        self.samples_at_point = Some(counts.samples);
         self.points.push(Point {
             passes,
             cpu_seconds: cpu.as_secs_f64(),
@@ -165,19 +168,18 @@ pub fn run(
         .into());
     }
     let picture = picture(&done.film);
-    let samples: Vec<f32> = done.film.pixels().iter().map(|p| p.count() as f32).collect();
-    let varied = samples.iter().any(|s| *s != samples[0]);
+    let samples: Vec<u32> = done.film.pixels().iter().map(|p| p.count()).collect();
+    let least = samples.iter().copied().min().unwrap_or(0);
     // A budget that ends within a pass leaves pixels that have one sample more: no density worth showing.
-    let (low, high) = samples.iter().fold((f32::INFINITY, 0f32), |(l, h), s| (l.min(*s), h.max(*s)));
-    let maps = if varied && high - low > 1.0 {
-        vec![Map { title: "Samples per pixel".into(), values: samples }]
-    } else {
-        Vec::new()
-    };
+    let varied = samples.iter().any(|&s| s > least + 1);
+    let map = || Map { title: "Samples per pixel".into(), values: samples.iter().map(|&s| s as f32).collect() };
+    let maps = if varied { vec![map()] } else { Vec::new() };
+    let above = samples.iter().filter(|&&s| s > least).count();
     let run = Run {
         seed,
         points,
         counts: done.counts,
+        favoured_pixels: above as f64 / samples.len().max(1) as f64,
         picture: reference.prepare(&picture)?,
         errors: reference.errors(&picture, TRIM_PERCENT)?,
     };
@@ -200,7 +202,10 @@ fn execute(
 ) -> Result<(crate::render::Progress, Clock, Vec<Point>, Said), Failure> {
     let stop = AtomicBool::new(false);
     let clock = Clock::start()?;
-    let mut integrator = session::integrator(&config.args, World::new(&world.scene, &world.accel));
+    // Integrators have random numbers of their own: photons, caches.
+    let mut args = config.args.clone();
+    args.seed = Some(seed);
+    let mut integrator = session::integrator(&args, World::new(&world.scene, &world.accel));
     let own = config.passes();
     let settings = RenderSettings {
         window: world.scene.film.crop,
@@ -212,13 +217,11 @@ fn execute(
         seed,
         features: false,
     };
-    let mut watch = Watch { clock, budget, reference, user_stop, stop: &stop, points: Vec::new() };
+    let mut watch =
+        Watch { clock, budget, reference, user_stop, stop: &stop, points: Vec::new(), samples_at_point: None };
     let done = render(&world.scene, integrator.as_mut(), &settings, &stop, &mut watch);
-    let samples = done.counts.samples;
     // A pass that was cut short still counts: its samples are in the film.
-    let whole = done.passes * done.film.pixels().len() as u64;
-    let ended = watch.points.last().is_some_and(|p| p.passes == done.passes && samples == whole);
-    if !ended {
+    if watch.samples_at_point != Some(done.counts.samples) {
         watch.point(done.passes, &done.counts, || done.film.clone());
     }
     let remarks = session::remarks(&world.scene, integrator.as_ref(), &done);
