@@ -13,6 +13,7 @@ mod options;
 mod output;
 mod progress;
 mod render;
+mod reproduce;
 mod session;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -45,6 +46,8 @@ enum Command {
     Compare(Box<compare::CompareArgs>),
     /// Compare an image with a reference.
     Metric(metric::MetricArgs),
+    /// Run a paper's comparisons again and print its figures beside ours.
+    Reproduce(Box<reproduce::ReproduceArgs>),
     /// Print a completion script for a shell.
     Completions {
         /// The shell.
@@ -62,6 +65,7 @@ pub fn main(start: Instant) -> ExitCode {
         Command::Edges(args) => edges::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Metric(args) => metric::run(args),
+        Command::Reproduce(args) => reproduce::run(args),
         Command::Completions { shell } => {
             // Into memory first: the generator panics where its output cannot be written.
             let mut script = Vec::new();

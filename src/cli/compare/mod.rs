@@ -11,7 +11,7 @@ pub mod measured;
 pub mod study;
 
 use super::load::SceneArgs;
-use super::{Failure, options, print, tell};
+use super::{Failure, options, print, session, tell};
 use crate::image::atomic;
 use crate::report::comparison::{Comparison, Summary};
 use crate::report::{html, table};
@@ -104,13 +104,17 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
         seeds: args.seeds,
         first_seed: args.seed,
         reference: match args.reference.as_slice() {
-            [] => ReferenceFrom::Path(args.reference_budget.unwrap_or(budget.for_half_a_reference())),
+            [] => ReferenceFrom::Rendered {
+                flags: "--integrator path".into(),
+                budget: args.reference_budget.unwrap_or(budget.for_half_a_reference()),
+            },
             files => ReferenceFrom::Files(files.to_vec()),
         },
         exposure: args.exposure,
         quiet: args.quiet,
     };
-    let comparison = study.run()?;
+    let stop = session::stop_on_signals()?;
+    let comparison = study.run(&stop)?;
     let summaries = comparison.summaries();
     atomic::write_file(&output, html::page(&comparison, &summaries).as_bytes())?;
     if let Some(path) = &args.json {

@@ -24,8 +24,13 @@ const REFERENCE_SHARE: f64 = 0.2;
 pub enum ReferenceFrom {
     /// One picture or two halves.
     Files(Vec<PathBuf>),
-    /// Two halves made by `path`, this budget each.
-    Path(Budget),
+    /// Two halves rendered with flags, this budget each; in words for the report.
+    Rendered {
+        /// Flags of `render`.
+        flags: String,
+        /// Budget of each half.
+        budget: Budget,
+    },
 }
 
 /// What is to be run.
@@ -55,19 +60,18 @@ fn scene_key(c: &Config) -> SceneKey {
 }
 
 impl Study {
-    /// Runs everything.
-    pub fn run(&self) -> Result<Comparison, Failure> {
-        let stop = session::stop_on_signals()?;
+    /// Runs everything, or what it gets through until `stop` is set.
+    pub fn run(&self, stop: &AtomicBool) -> Result<Comparison, Failure> {
         let (worlds, of_config) = self.prepare()?;
         let first = &worlds[of_config[0]];
-        let (reference, reference_text, mut notes) = self.reference(first, &stop)?;
+        let (reference, reference_text, mut notes) = self.reference(first, stop)?;
         let mut done: Vec<Vec<Measured>> = self.configs.iter().map(|_| Vec::new()).collect();
         'seeds: for k in 0..self.seeds {
             let mut round = Vec::new();
             for (i, config) in self.configs.iter().enumerate() {
                 let world = &worlds[of_config[i]];
                 let seed = config.args.seed.or(self.first_seed).unwrap_or(world.seed).wrapping_add(k);
-                let Some(one) = measured::run(world, config, seed, self.budget, &reference, &stop)? else {
+                let Some(one) = measured::run(world, config, seed, self.budget, &reference, stop)? else {
                     notes.push(format!(
                         "stopped by a signal in run {} of {}; whole rounds only are shown",
                         k + 1,
@@ -138,7 +142,7 @@ impl Study {
 
     /// The reference, what it is in words, and what the reader should know of it.
     fn reference(&self, world: &Prepared, stop: &AtomicBool) -> Result<(Reference, String, Vec<String>), Failure> {
-        let budget = match &self.reference {
+        let (flags, budget) = match &self.reference {
             ReferenceFrom::Files(files) => {
                 let reference = session::read_reference(files, world.frame, world.scene.film.crop)?;
                 let reference = reference.ok_or("no reference")?;
@@ -146,17 +150,18 @@ impl Study {
                     files.iter().map(|f| f.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
                 return Ok((reference, names.join(" and ") + kind(files.len()), Vec::new()));
             }
-            ReferenceFrom::Path(budget) => *budget,
+            ReferenceFrom::Rendered { flags, budget } => (flags, *budget),
         };
         let mut notes = Vec::new();
-        let mut config = Config::new("reference", "--integrator path")?;
+        let mut config = Config::new("reference", flags)?;
         let first = &self.configs[0].args;
-        (config.args.max_depth, config.args.scene) = (first.max_depth, first.scene.clone());
+        config.args.max_depth = config.args.max_depth.or(first.max_depth);
+        (config.args.scale, config.args.crop, config.args.scene) = (first.scale, first.crop, first.scene.clone());
         if self.configs.iter().any(|c| c.args.max_depth != first.max_depth) {
             notes.push("the configurations differ in --max-depth; the reference has that of the first".into());
         }
         if !self.quiet {
-            tell(format_args!("no --reference: rendering two halves of one with path, {} each", budget.text()));
+            tell(format_args!("rendering two halves of a reference, {} each: {flags}", budget.text()));
         }
         let seed = |half: u64| hash(0x7265_6665_7265_6e63, hash(world.seed, half));
         let a = measured::render_only(world, &config, seed(0), budget, stop)?;
@@ -172,7 +177,7 @@ impl Study {
             .into());
         }
         let text = format!(
-            "made by path, two halves of {} and {} passes, {:.1} CPU s together (two halves: errors are free of their noise)",
+            "made with {flags}, two halves of {} and {} passes, {:.1} CPU s together (two halves: errors are free of their noise)",
             a.1,
             b.1,
             a.2 + b.2

@@ -1,0 +1,73 @@
+//! `dualux reproduce` as a user meets it: figures by name, and clear words where something cannot be run.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn scene(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).to_string_lossy().into_owned()
+}
+
+fn dualux(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_dualux")).args(args).current_dir(folder).output().expect("the program starts")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn figures_of_namae_makino_are_there_or_their_absence_is_explained() {
+    let dir = tempfile::tempdir().expect("scratch folder");
+    let (spheres, ring) = (scene("cornell-spheres.xml"), scene("caustic-ring.xml"));
+    let mut args = vec!["reproduce", "namae-makino", &spheres, "--caustic-scene", &ring, "--scale", "0.04", "-q"];
+    args.extend(["--budget", "60ms", "--seeds", "2", "--json", "r.json", "-o", "."]);
+    let out = dualux(dir.path(), &args);
+    let said = stderr(&out);
+    assert!(!said.contains("panicked"), "{said}");
+    if !out.status.success() {
+        // A version without the flags that the paper needs says which ones.
+        assert_eq!(out.status.code(), Some(1));
+        assert!(said.contains("cannot be run") && said.contains("nothing of namae-makino"), "{said}");
+        assert!(said.contains("'--"), "the unknown flag is named: {said}");
+        return;
+    }
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("r.json")).unwrap()).unwrap();
+    let unavailable = json["unavailable"].as_object().expect("an object");
+    for (key, experiment) in [
+        ("speedup_all", "ablation"),
+        ("light_share", "shares"),
+        ("aa_share", "shares"),
+        ("photon_error_ratio_at_one_fifth", "photons"),
+        ("caustic_relmse_gain_equal_time", "caustic"),
+    ] {
+        let value = json.get(key).unwrap_or_else(|| panic!("{key} in the file"));
+        if unavailable.contains_key(experiment) {
+            assert!(value.is_null(), "{key}: {value}");
+        } else {
+            assert!(value.is_null() || value.as_f64().is_some_and(|v| v >= 0.0), "{key}: {value}");
+            let page = dir.path().join(format!("namae-makino-{experiment}.html"));
+            assert!(page.exists(), "a report of {experiment}");
+        }
+    }
+    let table = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(table.contains("doubtful in the paper: 15,538"), "{table}");
+}
+
+#[test]
+fn mistakes_are_explained() {
+    let dir = tempfile::tempdir().expect("scratch folder");
+    let spheres = scene("cornell-spheres.xml");
+    let cases: [(&[&str], i32, &str); 6] = [
+        (&["reproduce"], 2, "PAPER"),
+        (&["reproduce", "kajiya"], 2, "namae-makino"),
+        (&["reproduce", "namae-makino", "--seeds", "0"], 2, "--seeds"),
+        (&["reproduce", "namae-makino", "no-such.xml"], 1, "no-such.xml"),
+        (&["reproduce", "namae-makino", &spheres, "-o", "no-folder"], 1, "no-folder"),
+        (&["reproduce", "namae-makino", &spheres, "--json", "no-folder/x.json"], 1, "no-folder"),
+    ];
+    for (args, code, part) in cases {
+        let out = dualux(dir.path(), args);
+        assert_eq!(out.status.code(), Some(code), "{args:?}: {}", stderr(&out));
+        assert!(stderr(&out).contains(part), "{args:?}: {}", stderr(&out));
+    }
+}
