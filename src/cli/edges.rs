@@ -4,7 +4,10 @@ use super::load::SceneArgs;
 use super::output::{check_name, edge_channels, write_map};
 use super::{Failure, print, tell};
 use crate::edge::map::{Cell, area_lights};
-use crate::edge::score::{compare, emission_cost, emission_truth, light_cost, light_truth, pixel_cost, pixel_truth};
+use crate::edge::score::{
+    Score, chain_cost, chain_truth, compare, emission_cost, emission_truth, light_cost, light_truth, pixel_cost,
+    pixel_truth,
+};
 use crate::edge::unrolled::Unrolled;
 use crate::edge::{EdgeDetector, Kinds, Settings};
 use crate::image::{Window, atomic};
@@ -128,6 +131,8 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
 /// Which footprints.
 enum Question {
     Pixel,
+    /// What pixels see in mirrors and through glass.
+    Chain,
     /// Shape, number.
     Light(u32, usize),
     /// Cells, number of the light.
@@ -138,6 +143,7 @@ impl Question {
     fn map(&self, detector: &EdgeDetector, window: [u32; 4]) -> Vec<Cell> {
         match self {
             Question::Pixel => detector.pixel_map(window),
+            Question::Chain => detector.chain_map(window),
             Question::Light(light, _) => detector.light_map(*light, window),
             Question::Emission(cells, _) => cells.map(detector),
         }
@@ -146,6 +152,7 @@ impl Question {
     fn truth(&self, detector: &EdgeDetector, window: [u32; 4], n: usize) -> Vec<Option<bool>> {
         match self {
             Question::Pixel => pixel_truth(detector, window, n),
+            Question::Chain => chain_truth(detector, window, n),
             Question::Light(light, _) => light_truth(detector, *light, window, n),
             Question::Emission(cells, _) => emission_truth(detector, cells, n),
         }
@@ -154,6 +161,7 @@ impl Question {
     fn cost(&self, detector: &EdgeDetector, window: [u32; 4]) -> (f64, f64) {
         match self {
             Question::Pixel => pixel_cost(detector, window),
+            Question::Chain => chain_cost(detector, window),
             Question::Light(light, _) => light_cost(detector, *light, window),
             Question::Emission(cells, _) => emission_cost(detector, cells),
         }
@@ -162,13 +170,14 @@ impl Question {
     fn family(&self) -> String {
         match self {
             Question::Pixel => "pixel".into(),
+            Question::Chain => "chain".into(),
             Question::Light(_, k) => format!("light:{k}"),
             Question::Emission(_, k) => format!("emission:{k}"),
         }
     }
 }
 
-/// Prints the scores of both tests, and writes them.
+/// Prints the scores of both tests, and writes them. Pixels that see mirrors or glass without an edge of their own are scored apart.
 fn score(
     args: &EdgesArgs,
     detector: &EdgeDetector,
@@ -176,12 +185,37 @@ fn score(
     window: [u32; 4],
     n: usize,
 ) -> Result<(), Failure> {
-    let truth = question.truth(detector, window, n);
-    let mut scores = Vec::new();
     print(
         "family     test     order  footprints    edges  recall                  precision               cost  ns\n",
     )?;
-    for test in [TestChoice::Bounds, TestChoice::Corners] {
+    let mut scores = Vec::new();
+    score_one(detector, question, window, n, &mut scores)?;
+    if matches!(question, Question::Pixel) {
+        score_one(detector, &Question::Chain, window, n, &mut scores)?;
+    }
+    print(format!("(cost: query over one plain ray; brute force takes {} rays per footprint)\n", n * n))?;
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&scores)?;
+        atomic::write_file(path, (text + "\n").as_bytes())?;
+    }
+    Ok(())
+}
+
+fn score_one(
+    detector: &EdgeDetector,
+    question: &Question,
+    window: [u32; 4],
+    n: usize,
+    scores: &mut Vec<Score>,
+) -> Result<(), Failure> {
+    let truth = question.truth(detector, window, n);
+    // Predictions along chains know the one test only.
+    let tests: &[_] = match question {
+        Question::Chain if truth.iter().all(Option::is_none) => &[],
+        Question::Chain => &[TestChoice::Bounds],
+        _ => &[TestChoice::Bounds, TestChoice::Corners],
+    };
+    for &test in tests {
         let settings = Settings { test: test.into(), ..detector.settings };
         let detector = EdgeDetector::with_settings(detector.scene, detector.accel, settings);
         let name = if test == TestChoice::Bounds { "bounds" } else { "corners" };
@@ -202,11 +236,6 @@ fn score(
             s.query_ns
         ))?;
         scores.push(s);
-    }
-    print(format!("(cost: query over one plain ray; brute force takes {} rays per footprint)\n", n * n))?;
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&scores)?;
-        atomic::write_file(path, (text + "\n").as_bytes())?;
     }
     Ok(())
 }

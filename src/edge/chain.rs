@@ -19,7 +19,7 @@ use dualux_dual::{Jet, Ray, Vec3, bounds, face_against, reflect, refract};
 pub const MOST_SEGMENTS: usize = 8;
 
 /// How a smooth surface sends rays on.
-enum Optics {
+pub(super) enum Optics {
     Mirror,
     /// Index inside over outside.
     Glass(f64),
@@ -92,6 +92,50 @@ impl EdgeDetector<'_> {
         Some((f64::from(t), at))
     }
 
+    /// What a real ray sees at the ends of the same tree of segments, for the oracle.
+    pub(super) fn follow(&self, first: &PlainRay) -> Vec<Option<SurfacePoint>> {
+        let mut seen = Vec::new();
+        let mut todo = vec![(*first, false)];
+        let mut segments = 0;
+        while let Some((ray, counts)) = todo.pop() {
+            let hit = self.accel.closest(&ray).map(|Hit { t, u, v, shape, prim }| {
+                self.scene.shapes[shape as usize].surface_point(shape, prim, ray.o, ray.d, ShapeHit { t, u, v })
+            });
+            if counts {
+                segments += 1;
+                seen.push(hit);
+            }
+            let Some(at) = hit else { continue };
+            let outside = ray.d.dot(at.n_geo) < 0.0;
+            let Some(optics) = self.optics(self.scene.shapes[at.shape as usize].material as usize, outside) else {
+                continue;
+            };
+            let d = to_dual(ray.d.as_dvec3());
+            let n = face_against(to_dual(at.n_shade.as_dvec3()).normalized(), d);
+            let mut go = |d: Vec3<f64>| {
+                if segments + todo.len() < MOST_SEGMENTS {
+                    let d = from_dual(d).as_vec3();
+                    let next = PlainRay { o: at.spawn_origin(d), d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+                    todo.push((next, true));
+                }
+            };
+            match optics {
+                Optics::Mirror => go(reflect(d, n)),
+                Optics::Pane => {
+                    go(reflect(d, n));
+                    go(d);
+                }
+                Optics::Glass(eta) => {
+                    go(reflect(d, n));
+                    if let Some(d) = refract(d, n, if outside { 1.0 / eta } else { eta }).direction {
+                        go(d);
+                    }
+                }
+            }
+        }
+        seen
+    }
+
     /// Optics, hit point and unit normal of a smooth surface, with derivatives, on the known primitive.
     fn surface<const N: usize>(
         &self,
@@ -105,7 +149,7 @@ impl EdgeDetector<'_> {
         Some((optics, p, n))
     }
 
-    fn optics(&self, material: usize, outside: bool) -> Option<Optics> {
+    pub(super) fn optics(&self, material: usize, outside: bool) -> Option<Optics> {
         match &self.scene.materials[material] {
             Material::Conductor { .. } if outside => Some(Optics::Mirror),
             Material::Dielectric { eta, .. } => Some(Optics::Glass(f64::from(*eta))),

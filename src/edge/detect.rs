@@ -57,6 +57,8 @@ pub struct Detection<'a> {
     pub horizon: Option<Affine>,
     /// Events.
     pub found: Events,
+    /// Edges that enter the footprint and may be seen from its origin, so far; hidden ones count as well.
+    pub live: usize,
 }
 
 /// No event yet.
@@ -76,6 +78,16 @@ impl<'a> Detection<'a> {
             self.found.chord = chord;
         }
         !self.all
+    }
+
+    /// Counts an edge that enters the footprint; true if there are too many to go on.
+    pub(super) fn is_busy(&mut self) -> bool {
+        self.live += 1;
+        let busy = self.live > self.surfaces.detector.settings.busy;
+        if busy {
+            self.found.kinds |= Kinds::BUSY;
+        }
+        busy
     }
 
     /// Notes a chord if some of it shows. `outward`: unit vector in p, away from what the edge bounds.
@@ -175,9 +187,11 @@ impl<'a> Detection<'a> {
                 let corners = polygon.corners();
                 let (a, b) = (&corners[k], &corners[(k + 1) % corners.len()]);
                 let Some(chord) = clip(self.view, a, b) else { continue };
-                let side = &polygon.sides()[k];
-                let norm = -length(side);
-                if self.offer(kind, chord, [side[1] / norm, side[2] / norm], [Some(Owner::Polygon(i)), None]) {
+                let side = polygon.sides()[k];
+                let norm = -length(&side);
+                if self.is_busy()
+                    || self.offer(kind, chord, [side[1] / norm, side[2] / norm], [Some(Owner::Polygon(i)), None])
+                {
                     return true;
                 }
             }
@@ -234,6 +248,9 @@ impl<'a> Detection<'a> {
         for i in 0..self.surfaces.curved.len() {
             for b in 0..self.surfaces.curved[i].borders.len() {
                 let (kind, border) = self.surfaces.curved[i].borders[b];
+                if self.is_busy() {
+                    return true;
+                }
                 let owner = [Some(Owner::Curved(i)), None];
                 match border {
                     Border::Segment([x, y]) => {

@@ -17,15 +17,19 @@ pub struct Settings {
     pub test: Test,
     /// Order of the expansions of curved edges, 1 or 2. (Straight edges are exact at order 1.)
     pub order: usize,
-    /// Number of live edges in a footprint above which it counts as busy.
+    /// Edges that enter a footprint and may be seen from its origin, hidden ones included, above which it counts as busy. (At 16,
+    /// precision on a smooth mesh of 5,120 triangles in 256 x 256 pixels falls by 0.001; 200 tiny spheres never reach 8.)
     pub busy: usize,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { test: Test::Bounds, order: 2, busy: 128 }
+        Settings { test: Test::Bounds, order: 2, busy: 16 }
     }
 }
+
+/// Kinds with which nothing is certain.
+const TROUBLE: Kinds = Kinds(Kinds::BUSY.0 | Kinds::UNKNOWN.0);
 
 /// Finds edges in footprints of a scene.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +83,7 @@ impl<'a> EdgeDetector<'a> {
         }
         let found = self.look(view, surfaces, Mode::Sight, None, all).found;
         let found = Events { kinds: found.kinds | surfaces.trouble, ..found };
-        if surfaces.trouble != Kinds::NONE {
+        if found.kinds.intersects(TROUBLE) {
             Verdict::Unknown(found)
         } else if found.kinds == Kinds::NONE {
             Verdict::Clear
@@ -97,7 +101,8 @@ impl<'a> EdgeDetector<'a> {
         all: bool,
     ) -> Detection<'b> {
         let Settings { test, .. } = self.settings;
-        let mut detection = Detection { scene: self.scene, view, surfaces, mode, test, all, horizon, found: NOTHING };
+        let mut detection =
+            Detection { scene: self.scene, view, surfaces, mode, test, all, horizon, found: NOTHING, live: 0 };
         detection.run();
         detection
     }
@@ -141,7 +146,7 @@ impl<'a> EdgeDetector<'a> {
         }
         let detection = self.look(view, surfaces, Mode::Shadow, horizon, all);
         let found = Events { kinds: detection.found.kinds | surfaces.trouble, ..detection.found };
-        if surfaces.trouble != Kinds::NONE {
+        if found.kinds.intersects(TROUBLE) {
             LightVerdict::Unknown(found)
         } else if found.kinds != Kinds::NONE {
             LightVerdict::Partial(found)

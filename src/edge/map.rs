@@ -82,6 +82,14 @@ impl EdgeDetector<'_> {
         })
     }
 
+    /// The map of what pixels see in mirrors and through glass.
+    pub fn chain_map(&self, [x0, y0, w, h]: [u32; 4]) -> Vec<Cell> {
+        rows(w, h, |x, y| {
+            let Events { kinds, distance, .. } = self.pixel_chain(x0 + x, y0 + y);
+            Cell { event: kinds != super::Kinds::NONE, kinds, distance }
+        })
+    }
+
     /// The map of a light, a shape: what each pixel centre's first hit sees of it.
     pub fn light_map(&self, light: u32, [x0, y0, w, h]: [u32; 4]) -> Vec<Cell> {
         rows(w, h, |x, y| {

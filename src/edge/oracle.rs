@@ -5,13 +5,15 @@
 //! some of its points are seen and some not. Finite n misses what is thinner than its grid, so that measured precision is a lower
 //! bound, while recall is a real demand.
 
+use super::EdgeDetector;
 use super::light::Receiver;
 use super::view::{View, from_dual};
 use crate::accel::{Accel, Ray};
 use crate::math::{DVec3, Vec3};
 use crate::scene::mesh::CREASE_ANGLE;
 use crate::scene::shape::ShapeHit;
-use crate::scene::{Geometry, Scene};
+use crate::scene::{Geometry, Scene, SurfacePoint};
+use dualux_dual::Family;
 
 /// What a ray sees.
 #[derive(Clone, Copy, Debug)]
@@ -34,14 +36,21 @@ fn differ(a: &Option<Seen>, b: &Option<Seen>) -> bool {
     off(a.n) && off(b.n)
 }
 
-fn see(scene: &Scene, accel: &Accel, view: &View, p: [f64; 2]) -> Option<Seen> {
-    let r = view.ray_at(p);
-    let (o, d) = (from_dual(r.o).as_vec3(), from_dual(r.d).as_vec3());
-    let ray = Ray { o, d, tmin: view.t[0] as f32, tmax: view.t[1] as f32 };
-    let hit = accel.closest(&ray)?;
+impl From<SurfacePoint> for Seen {
+    fn from(at: SurfacePoint) -> Self {
+        Seen { shape: at.shape, x: at.p.as_dvec3(), n: at.n_geo }
+    }
+}
+
+fn meet(scene: &Scene, accel: &Accel, ray: &Ray) -> Option<SurfacePoint> {
+    let hit = accel.closest(ray)?;
     let at = ShapeHit { t: hit.t, u: hit.u, v: hit.v };
-    let at = scene.shapes[hit.shape as usize].surface_point(hit.shape, hit.prim, o, d, at);
-    Some(Seen { shape: hit.shape, x: at.p.as_dvec3(), n: at.n_geo })
+    Some(scene.shapes[hit.shape as usize].surface_point(hit.shape, hit.prim, ray.o, ray.d, at))
+}
+
+fn plain<const N: usize>(family: &Family<f64, N>, t: [f64; 2], p: [f64; N]) -> Ray {
+    let r = family.at(p);
+    Ray { o: from_dual(r.o).as_vec3(), d: from_dual(r.d).as_vec3(), tmin: t[0] as f32, tmax: t[1] as f32 }
 }
 
 /// The centre of grid cell k of n, in -1..1.
@@ -49,17 +58,52 @@ fn grid(k: usize, n: usize) -> f64 {
     (2 * k + 1) as f64 / n as f64 - 1.0
 }
 
-/// Whether the view of n x n rays changes.
-pub fn sight(scene: &Scene, accel: &Accel, view: &View, n: usize) -> bool {
-    let mut above: Vec<Option<Seen>> = Vec::new();
+/// Whether what n x n points of the footprint see changes between neighbours.
+fn changes<T>(n: usize, see: impl Fn([f64; 2]) -> T, differ: impl Fn(&T, &T) -> bool) -> bool {
+    let mut above: Vec<T> = Vec::new();
     for y in 0..n {
-        let row: Vec<_> = (0..n).map(|x| see(scene, accel, view, [grid(x, n), grid(y, n)])).collect();
+        let row: Vec<_> = (0..n).map(|x| see([grid(x, n), grid(y, n)])).collect();
         if row.windows(2).any(|w| differ(&w[0], &w[1])) || above.iter().zip(&row).any(|(a, b)| differ(a, b)) {
             return true;
         }
         above = row;
     }
     false
+}
+
+/// Whether the view of n x n rays changes.
+pub fn sight(scene: &Scene, accel: &Accel, view: &View, n: usize) -> bool {
+    let see = |p| meet(scene, accel, &plain(&view.family, view.t, p)).map(Seen::from);
+    changes(n, see, differ)
+}
+
+/// Whether the view of the rays of a family with four parameters changes: n x n values of the first two for each of n x n values of
+/// the last two (with `round`: of those in the unit disk, a lens), and from one of these to the next.
+pub fn sight4(scene: &Scene, accel: &Accel, family: &Family<f64, 4>, t: [f64; 2], n: usize, round: bool) -> bool {
+    let outer = (0..n * n).map(|i| [grid(i % n, n), grid(i / n, n)]);
+    let outer: Vec<_> = outer.filter(|q| !round || q[0] * q[0] + q[1] * q[1] <= 1.0).collect();
+    let see =
+        |p: [f64; 2], q: [f64; 2]| meet(scene, accel, &plain(family, t, [p[0], p[1], q[0], q[1]])).map(Seen::from);
+    outer.iter().any(|q| changes(n, |p| see(p, *q), differ)) || {
+        let all = |q: &[f64; 2]| -> Vec<_> { (0..n * n).map(|i| see([grid(i % n, n), grid(i / n, n)], *q)).collect() };
+        let views: Vec<_> = outer.iter().map(all).collect();
+        views.windows(2).any(|w| w[0].iter().zip(&w[1]).any(|(a, b)| differ(a, b)))
+    }
+}
+
+/// Whether what n x n rays see *behind* smooth surfaces changes, by the same tree of segments as [`EdgeDetector::chain`] follows.
+/// `None` where they do not all meet the same smooth surface first, without an edge.
+pub fn chain(detector: &EdgeDetector, view: &View, n: usize) -> Option<bool> {
+    let (scene, accel) = (detector.scene, detector.accel);
+    let first = meet(scene, accel, &plain(&view.family, view.t, [0.0; 2]))?;
+    let to_us = -from_dual(view.family.d).as_vec3();
+    let outside = first.n_geo.dot(to_us) > 0.0;
+    detector.optics(scene.shapes[first.shape as usize].material as usize, outside)?;
+    if sight(scene, accel, view, n) {
+        return None;
+    }
+    let see = |p| detector.follow(&plain(&view.family, view.t, p)).into_iter().map(|at| at.map(Seen::from)).collect();
+    Some(changes(n, see, |a: &Vec<Option<Seen>>, b| a.len() != b.len() || a.iter().zip(b).any(|(a, b)| differ(a, b))))
 }
 
 /// Whether some, and some not, of about n x n points of a light (on each triangle: n x n) are seen from the receiver. Of round lights

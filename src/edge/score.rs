@@ -71,10 +71,49 @@ pub fn pixel_truth(detector: &EdgeDetector, [x0, y0, w, h]: [u32; 4], n: usize) 
         let centre = [f64::from(x0 + i % w) + 0.5, f64::from(y0 + i / w) + 0.5];
         match pixel::family(&detector.scene.camera, centre, [0.5; 2]) {
             Some(PixelFamily::Exact(view)) => Some(oracle::sight(detector.scene, detector.accel, &view, n)),
-            _ => None,
+            // As many rays in all.
+            Some(PixelFamily::Lens(family, t)) => {
+                let n = (n as f64).sqrt().ceil() as usize;
+                Some(oracle::sight4(detector.scene, detector.accel, &family, t, n.max(2), true))
+            }
+            None => None,
         }
     };
     (0..w * h).into_par_iter().map(one).collect()
+}
+
+/// What brute force says of what each pixel sees in mirrors and through glass; `None` where it sees none, or an edge of one.
+pub fn chain_truth(detector: &EdgeDetector, [x0, y0, w, h]: [u32; 4], n: usize) -> Vec<Option<bool>> {
+    let one = |i: u32| {
+        let centre = [f64::from(x0 + i % w) + 0.5, f64::from(y0 + i / w) + 0.5];
+        match pixel::family(&detector.scene.camera, centre, [0.5; 2])? {
+            PixelFamily::Exact(view) => oracle::chain(detector, &view, n),
+            PixelFamily::Lens(..) => None,
+        }
+    };
+    (0..w * h).into_par_iter().map(one).collect()
+}
+
+/// Cost of chains, for pixels that see one: (ratio to a plain ray per segment, nanoseconds).
+pub fn chain_cost(detector: &EdgeDetector, window: [u32; 4]) -> (f64, f64) {
+    medians(runs(window).filter_map(|pixels| {
+        let ray = |x: u32, y: u32| {
+            let r = detector.scene.camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), Vec2::splat(0.5));
+            Ray { o: r.o, d: r.d, tmin: r.tmin, tmax: r.tmax }
+        };
+        // Each segment is a ray to be traced, and a query.
+        let pixels: Vec<_> = pixels.into_iter().filter(|&(x, y)| !detector.follow(&ray(x, y)).is_empty()).collect();
+        if pixels.is_empty() {
+            return None;
+        }
+        let query = time(&pixels, |&(x, y)| {
+            black_box(detector.pixel_chain(x, y));
+        });
+        let plain = time(&pixels, |&(x, y)| {
+            black_box(detector.follow(&ray(x, y)));
+        });
+        Some((query, plain))
+    }))
 }
 
 /// The same for a light.
