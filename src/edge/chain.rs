@@ -8,7 +8,7 @@
 
 use super::kinds::{Events, Kinds, Verdict};
 use super::predicted::D1;
-use super::view::from_dual;
+use super::view::{from_dual, to_dual};
 use super::{EdgeDetector, Facet, NOTHING, surface};
 use crate::accel::{Hit, Ray as PlainRay};
 use crate::scene::shape::ShapeHit;
