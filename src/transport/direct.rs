@@ -55,11 +55,19 @@ pub struct DirectSettings {
     pub max_lights: u32,
     /// `Adaptive`: verdicts are checked by roulette, so that wrong ones cost noise instead of bias.
     pub residual: bool,
+    /// Whether the environment counts for diffuse parts; not if it is gathered (`gather_sky`).
+    pub diffuse_environment: bool,
 }
 
 impl Default for DirectSettings {
     fn default() -> Self {
-        DirectSettings { sampling: LightSampling::Adaptive, samples: 16, max_lights: 8, residual: true }
+        DirectSettings {
+            sampling: LightSampling::Adaptive,
+            samples: 16,
+            max_lights: 8,
+            residual: true,
+            diffuse_environment: true,
+        }
     }
 }
 

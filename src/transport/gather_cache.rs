@@ -10,6 +10,7 @@
 
 use super::World;
 use super::gather_ray::{GlossyVertex, RayCounts, glossy_direct};
+use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
 use super::surfel_light::SurfelLight;
 use super::surfels::{Facet, Surfels};
@@ -29,6 +30,7 @@ const TURN: u64 = 0x6a1;
 const JITTER: u64 = 0x6a2;
 const CHAIN: u64 = 0x6a3;
 const GLOSSY: u64 = 0x6a4;
+const SKY: u64 = 0x6a5;
 
 /// What a gather ray of a record has hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +83,8 @@ pub struct GatherCache {
     hits: Vec<GatherHit>,
     /// 1 / depth of the border to the column before and to the row beyond, for each hit.
     depths: Vec<[f32; 2]>,
+    /// Radiance of the sky for each hit's cell; empty where the sky is not gathered.
+    sky: Vec<Rgb>,
     /// Glossy vertices by index of the hit.
     glossy: Vec<(u32, GlossyVertex)>,
     /// What they scatter from lamps.
@@ -93,6 +97,14 @@ struct Traced {
     unknown: Option<(Facet, f32)>,
 }
 
+/// What a few records have gathered.
+struct Gathered {
+    hits: Vec<Traced>,
+    glossy: Vec<(u32, GlossyVertex)>,
+    sky: Vec<Rgb>,
+    counts: RayCounts,
+}
+
 impl GatherCache {
     /// No records yet; about `rays` directions for each.
     pub fn new(rays: u32, seed: u64) -> Self {
@@ -103,6 +115,7 @@ impl GatherCache {
             places: Vec::new(),
             hits: Vec::new(),
             depths: Vec::new(),
+            sky: Vec::new(),
             glossy: Vec::new(),
             scattered: Vec::new(),
         }
@@ -141,12 +154,14 @@ impl GatherCache {
     pub fn gather(&mut self, world: &World, surfels: &mut Surfels, places: &[Facet]) {
         let first = self.places.len();
         self.places.extend_from_slice(places);
+        let with_sky = gather_sky::is_gathered(world);
         let this = &*self;
         let known = &*surfels;
         let records: Vec<usize> = (first..this.places.len()).collect();
-        let traced: Vec<_> = records.par_chunks(CHUNK).map(|chunk| this.trace(world, known, chunk)).collect();
-        for (hits, glossy, counts) in traced {
+        let traced: Vec<_> = records.par_chunks(CHUNK).map(|chunk| this.trace(world, known, chunk, with_sky)).collect();
+        for Gathered { hits, glossy, sky, counts } in traced {
             self.counts += counts;
+            self.sky.extend(sky);
             self.glossy.extend(glossy);
             for Traced { mut hit, unknown } in hits {
                 if let Some((facet, distance)) = unknown {
@@ -170,13 +185,9 @@ impl GatherCache {
         }
     }
 
-    fn trace(
-        &self,
-        world: &World,
-        surfels: &Surfels,
-        records: &[usize],
-    ) -> (Vec<Traced>, Vec<(u32, GlossyVertex)>, RayCounts) {
+    fn trace(&self, world: &World, surfels: &Surfels, records: &[usize], with_sky: bool) -> Gathered {
         let n = self.strata.len();
+        let mut sky = Vec::new();
         let mut counts = RayCounts::default();
         let mut glossy = Vec::new();
         let mut hits = Vec::with_capacity(records.len() * n);
@@ -210,8 +221,14 @@ impl GatherCache {
                 }
                 hits.push(Traced { hit, unknown });
             }
+            if with_sky {
+                let own: Vec<GatherHit> = hits[hits.len() - n..].iter().map(|t| t.hit).collect();
+                let key = hash(hash(self.seed, SKY), record as u64);
+                let place = (&self.places[record], &frame);
+                sky.extend(gather_sky::sky(world, &self.strata, place, &own, n as u32, key, &mut counts));
+            }
         }
-        (hits, glossy, counts)
+        Gathered { hits, glossy, sky, counts }
     }
 
     /// Lights the glossy vertices of records that were gathered since the last call; of `all` for a new light.
@@ -250,6 +267,9 @@ impl GatherCache {
                         *l = hit.weight * e * FRAC_1_PI;
                     }
                     let range = record * n..(record + 1) * n;
+                    if let Some(sky) = self.sky.get(range.clone()) {
+                        radiance.iter_mut().zip(sky).for_each(|(l, sky)| *l += *sky);
+                    }
                     let from = self.glossy.partition_point(|(i, _)| (*i as usize) < range.start);
                     let glossy = self.glossy[from..].iter().zip(&self.scattered[from.min(self.scattered.len())..]);
                     for ((i, _), l) in glossy.take_while(|((i, _), _)| (*i as usize) < range.end) {

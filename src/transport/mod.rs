@@ -8,7 +8,7 @@
 //! * [`photon_map`]: radiance and irradiance from photons
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
-//!   irradiance), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits), [`cache_record`] (radii and
+//!   irradiance), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits), [`cache_record`] (radii and
 //!   weights) and [`sphere_octree`] (look-up)
 
 pub mod cache_record;
@@ -17,6 +17,7 @@ pub mod direct;
 pub mod footprint_kernel;
 pub mod gather_cache;
 pub mod gather_ray;
+pub mod gather_sky;
 pub mod gather_strata;
 pub mod irradiance_cache;
 pub mod light_tree;

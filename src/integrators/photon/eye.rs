@@ -46,6 +46,8 @@ pub struct Eye<'a> {
     pub caustics: Option<&'a CausticMap>,
     /// Records of indirect irradiance.
     pub cache: Option<&'a IrradianceCache<'a>>,
+    /// Whether the environment is gathered for diffuse parts, not sampled.
+    pub sky: bool,
 }
 
 /// How a ray left the surface before.
@@ -55,7 +57,9 @@ enum Came {
     Plain,
     /// From a glossy lobe: light sampling could have found the emitter.
     Glossy { from: Vantage, pdf_dir: f32 },
-    /// From a diffuse part: emitters are counted there, by light samples and caustic photons.
+    /// From a diffuse part: emitters are counted there, by light samples and caustic photons, all but a sky that is gathered.
+    Diffuse,
+    /// By nearly specular surfaces from a diffuse part.
     Covered,
 }
 
@@ -171,13 +175,16 @@ impl Eye<'_> {
         match &b.came {
             Came::Plain => 1.0,
             Came::Glossy { from, pdf_dir } => self.direct.weight_of_scattered(from, *pdf_dir, found),
+            Came::Diffuse => f32::from(u8::from(self.sky && matches!(found, Found::Environment(_)))),
             Came::Covered => 0.0,
         }
     }
 
     /// Whether a glossy lobe counts as a mirror for light that a caustic photon has brought already.
     fn is_covered(&self, came: &Came, rest: &Bsdf) -> bool {
-        matches!(came, Came::Covered) && self.caustics.is_some() && rest.min_alpha() < NEARLY_SPECULAR_ALPHA
+        matches!(came, Came::Diffuse | Came::Covered)
+            && self.caustics.is_some()
+            && rest.min_alpha() < NEARLY_SPECULAR_ALPHA
     }
 
     /// Adds what the surface reflects of light known there. True if that is all the light on the diffuse part.
@@ -232,13 +239,13 @@ impl Eye<'_> {
         }
         let u = Vec2::new(ux, uy);
         if let Some(s) = unknown.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
-            self.push(&b, end, &s, shares[0], Came::Covered, sample);
+            self.push(&b, end, &s, shares[0], Came::Diffuse, sample);
         }
         let Some(rest) = rest else { return };
         let branches = if crowded { None } else { rest.branches(end.wo, Transport::Radiance) };
         let by_chance = || rest.sample(end.wo, u_lobe, u, Transport::Radiance).into_iter().collect::<ArrayVec<_, 2>>();
         for s in &branches.unwrap_or_else(by_chance) {
-            let covered = matches!(b.came, Came::Covered) && self.caustics.is_some();
+            let covered = matches!(b.came, Came::Diffuse | Came::Covered) && self.caustics.is_some();
             let came = match s.lobe {
                 LobeKind::Null => b.came,
                 LobeKind::Specular if covered => Came::Covered,

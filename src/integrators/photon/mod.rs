@@ -12,6 +12,7 @@
 //! Verified by tests/photon.rs (agreement with `path`, furnace, determinism), tests/references.rs
 
 mod allocate;
+mod antialias;
 mod caustics;
 mod eye;
 mod places;
@@ -25,7 +26,8 @@ use super::{Counts, Integrator};
 use crate::image::film::{Features, Film};
 use crate::math::{Rgb, Sampler, Vec3};
 use crate::scene::camera::CameraRay;
-use crate::transport::direct::Direct;
+use crate::transport::direct::{Direct, DirectSettings};
+use crate::transport::gather_sky;
 use crate::transport::{CacheSettings, CausticMap, HitLight, IrradianceCache, World};
 
 /// Pixels for each record that a pass may add.
@@ -43,6 +45,8 @@ pub struct Photon<'a> {
     /// Caustic photons of this pass.
     map: Option<CausticMap>,
     cache: Option<IrradianceCache<'a>>,
+    /// Whether the cache holds the light of the environment too.
+    sky: bool,
     /// Samples per pass of each pixel of the window; none: one.
     samples: Vec<f32>,
 }
@@ -54,9 +58,10 @@ impl<'a> Photon<'a> {
         let cached = settings.indirect == Indirect::Cache && settings.parts.indirect && bounces;
         let cache = cached
             .then(|| IrradianceCache::new(world, CacheSettings { seed: settings.seed, ..CacheSettings::default() }));
-        let direct = Direct::new(world, settings.direct);
+        let sky = cached && gather_sky::is_gathered(&world);
+        let direct = Direct::new(world, DirectSettings { diffuse_environment: !sky, ..settings.direct });
         let caustics = Caustics::new(world, &settings, window[2] as usize * window[3] as usize);
-        Photon { world, settings, window, direct, caustics, map: None, cache, samples: Vec::new() }
+        Photon { world, settings, window, direct, caustics, map: None, cache, sky, samples: Vec::new() }
     }
 
     /// Records for what the eye sees: coarse to fine, with a smaller bound of the error as passes go on.
@@ -93,6 +98,10 @@ impl Integrator for Photon<'_> {
     }
 
     fn prepare(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
+        if pass == 0 {
+            let chains = self.caustics.is_some();
+            self.samples = antialias::samples(self.world, self.window, chains, self.settings.antialiasing);
+        }
         self.map = self.caustics.as_ref().map(|c| c.map(pass));
         self.fill_cache(pass, over);
     }
@@ -119,6 +128,7 @@ impl Integrator for Photon<'_> {
             direct: &self.direct,
             caustics: self.map.as_ref(),
             cache: self.cache.as_ref(),
+            sky: self.sky,
         };
         eye.sample(camera, rng, counts)
     }

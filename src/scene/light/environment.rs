@@ -10,7 +10,7 @@
 use super::delta::rotation_to_local;
 use crate::math::distribution::Piecewise2;
 use crate::math::warp::{pdf_sphere, sample_sphere};
-use crate::math::{DVec3, Mat3, Rgb, Vec2, Vec3};
+use crate::math::{DVec3, Mat3, Rgb, Vec2, Vec3, luminance};
 use crate::scene::description::{ImageId, LightDesc};
 use crate::scene::texture::Bitmap;
 use std::f32::consts::{PI, TAU};
@@ -80,6 +80,18 @@ impl Environment {
             Environment::Map(m) => m.integral,
         };
         integral * (PI * radius * radius)
+    }
+
+    /// Greatest luminance over the mean over all directions: 1 for a constant one, thousands for a sun in a map. 0 if black.
+    pub fn contrast(&self, images: &[Bitmap]) -> f32 {
+        match self {
+            Environment::Constant { radiance } => f32::from(u8::from(luminance(*radiance) > 0.0)),
+            Environment::Map(m) => {
+                let peak = images[m.image as usize].pixels.iter().map(|&c| luminance(c * m.scale)).fold(0.0, f32::max);
+                let mean = luminance(m.integral) / (2.0 * TAU);
+                if mean > 0.0 { peak / mean } else { 0.0 }
+            }
+        }
     }
 
     /// Radiance from the unit direction `w`.

@@ -286,6 +286,11 @@ impl Lights {
         self.pdf_dir_of(shapes, emitter, p, at) * self.table.pmf(emitter as usize)
     }
 
+    /// Greatest contrast of an environment (see [`Environment::contrast`]); 0 where there is none.
+    pub fn environment_contrast(&self, images: &[Bitmap]) -> f32 {
+        self.environments.iter().map(|(e, _)| e.contrast(images)).fold(0.0, f32::max)
+    }
+
     /// Radiance from infinity along the unit direction `w` (away from the scene): all environment lights.
     pub fn environment(&self, textures: Textures, w: Vec3) -> Rgb {
         self.environments.iter().map(|(e, _)| e.radiance(textures.images, w)).sum()

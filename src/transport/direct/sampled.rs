@@ -75,13 +75,17 @@ impl Direct<'_> {
     fn environment(&self, point: &Point, m: u32, rng: &mut Sampler, counts: &mut DirectCounts) -> Rgb {
         let scene = self.world.scene;
         let (by_light, by_cosine) = (rng.next_block(m), rng.next_block(m));
+        let lit = point.diffuse.filter(|_| self.settings.diffuse_environment);
+        if lit.is_none() && point.rest.is_none() {
+            return Rgb::ZERO;
+        }
         let nominal = self.nominal_of(point, Unit::Environment);
         let mut sum = Rgb::ZERO;
         for k in 0..m {
             let [x, y, u_light, _] = by_light.point(k);
             counts.light_samples += 1;
             if let Some(s) = scene.lights.sample_environment(scene.textures(), u_light, crate::math::Vec2::new(x, y)) {
-                let diffuse = point.diffuse.map_or(Rgb::ZERO, |d| {
+                let diffuse = lit.map_or(Rgb::ZERO, |d| {
                     let (f, pdf) = d.eval_pdf(point.wo, s.wi, Transport::Radiance);
                     f * power_heuristic(s.pdf_dir, pdf)
                 });
@@ -92,7 +96,7 @@ impl Direct<'_> {
             }
             let [x, y, u_lobe, _] = by_cosine.point(k);
             let scatter = |d: &Bsdf| d.sample(point.wo, u_lobe, crate::math::Vec2::new(x, y), Transport::Radiance);
-            if let Some(scattered) = point.diffuse.and_then(scatter) {
+            if let Some(scattered) = lit.and_then(scatter) {
                 let radiance = scene.lights.environment(scene.textures(), scattered.wi);
                 if radiance != Rgb::ZERO {
                     let pdf = scene.lights.pdf_dir_infinity(scattered.wi);

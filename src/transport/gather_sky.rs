@@ -1,0 +1,92 @@
+//! Light of the sky in gather rays: what each cell of a record's hemisphere sees of a soft environment.
+//!
+//! A soft sky, one without a small bright sun, is gathered like the light of surfaces, so that what comes through a window is as smooth as
+//! what the walls send on. Windows are small, so rays beyond the gather rays are sent where those have found the sky:
+//!
+//! ```text
+//! q_i    = FLOOR / M + (1 - FLOOR) h_i / sum h       h_i = gather rays among cell i and its neighbours that left the scene
+//! L_i    = mean of L V over n_i jittered directions of cell i            if n q_i >= 1;   n_i = floor or ceil of n q_i by chance
+//!        = L V / (n q_i) with probability n q_i, else 0                  if n q_i < 1
+//! ```
+//!
+//! The gather rays themselves are not counted: they decided where the others go, and counting them would bias the sum. Every cell keeps a
+//! chance, so that its mean is right however small the window is that the gather rays have missed.
+//! Source      adaptive stratification as in METHODS 3.B ("pilot reuse")
+//! Bias        none
+//! Not handled sky seen by reflection or through glass: it belongs to the caustic map
+//! Verified by tests/sky.rs
+
+use super::World;
+use super::gather_cache::GatherHit;
+use super::gather_ray::RayCounts;
+use super::gather_strata::Strata;
+use super::surfels::Facet;
+use crate::accel::Ray;
+use crate::math::sampler::{hash, unit_f32};
+use crate::math::{Frame, Rgb, Sampler};
+
+/// Share of the rays that goes evenly to all cells.
+const FLOOR: f32 = 0.25;
+/// Greatest contrast of a sky that counts as soft.
+const SOFT: f32 = 16.0;
+/// Stream of random numbers.
+const SKY: u64 = 0x6b1;
+
+/// Whether the environment of the scene is gathered: there is one and it is soft.
+pub fn is_gathered(world: &World) -> bool {
+    let contrast = world.scene.lights.environment_contrast(&world.scene.images);
+    contrast > 0.0 && contrast <= SOFT
+}
+
+/// Mean radiance of the sky in each cell of a record, by `rays` rays. `hits` are those of its gather rays, `key` is its own.
+pub fn sky(
+    world: &World,
+    strata: &Strata,
+    (place, frame): (&Facet, &Frame),
+    hits: &[GatherHit],
+    rays: u32,
+    key: u64,
+    counts: &mut RayCounts,
+) -> Vec<Rgb> {
+    let n = strata.len();
+    let near = neighbourhoods(strata, hits);
+    let total: f32 = near.iter().sum();
+    let guided = if total > 0.0 { 1.0 - FLOOR } else { 0.0 };
+    let at = place.surface_point();
+    let scene = world.scene;
+    (0..n)
+        .map(|i| {
+            let share = FLOOR / n as f32 + if total > 0.0 { guided * near[i] / total } else { 0.0 };
+            let wanted = rays as f32 * share;
+            let chance = unit_f32(hash(hash(key, SKY), i as u64));
+            let count = wanted.floor() as u32 + u32::from(chance < wanted.fract());
+            let mut sum = Rgb::ZERO;
+            for k in 0..count {
+                let mut rng = Sampler::new(hash(key, SKY + 1), i as u64, u64::from(k));
+                let d = frame.to_world(strata.direction(i, rng.next_2d()));
+                let radiance = scene.lights.environment(scene.textures(), d);
+                if radiance == Rgb::ZERO || d.dot(place.n_geo) <= 0.0 {
+                    continue;
+                }
+                counts.shadow_rays += 1;
+                let ray = Ray { o: at.spawn_origin(d), d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+                sum += radiance * world.transmittance(ray, false).share;
+            }
+            if wanted >= 1.0 { sum / count as f32 } else { sum / wanted }
+        })
+        .collect()
+}
+
+/// For each cell, gather rays that left the scene, of itself and of the eight around it.
+fn neighbourhoods(strata: &Strata, hits: &[GatherHit]) -> Vec<f32> {
+    let (rows, columns) = (strata.rows, strata.columns);
+    let left = |j: usize, k: usize| hits[j * columns + k % columns].inverse_distance == 0.0;
+    (0..strata.len())
+        .map(|i| {
+            let (j, k) = (i / columns, i % columns);
+            let around =
+                (j.saturating_sub(1)..(j + 2).min(rows)).flat_map(|j| (0..3).map(move |dk| (j, k + columns - 1 + dk)));
+            around.filter(|&(j, k)| left(j, k)).count() as f32
+        })
+        .collect()
+}
