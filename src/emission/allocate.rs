@@ -37,9 +37,8 @@ pub struct Allocation {
     pub tail_cdf: Vec<f64>,
 }
 
-/// Weights of lights by power; by `learned` for the rest if it is given.
-pub fn light_weights(scene: &Scene, learned: Option<&[f32]>) -> Vec<f64> {
-    let clean = |w: f64| if w.is_finite() && w > 0.0 { w } else { 0.0 };
+/// Powers of the lights, mean of the channels, with a floor for those that are estimates.
+pub fn powers(scene: &Scene) -> Vec<f64> {
     let infos = &scene.lights.infos;
     let mut power: Vec<f64> = infos.iter().map(|l| clean(l.power.as_dvec3().element_sum() / 3.0)).collect();
     let mean = power.iter().sum::<f64>() / power.len().max(1) as f64;
@@ -48,6 +47,15 @@ pub fn light_weights(scene: &Scene, learned: Option<&[f32]>) -> Vec<f64> {
             *p = p.max(ESTIMATED_FLOOR * mean);
         }
     }
+    power
+}
+
+fn clean(w: f64) -> f64 {
+    if w.is_finite() && w > 0.0 { w } else { 0.0 }
+}
+
+/// Weights of lights by `power`; by `learned` but for a floor if it is given. They sum to 1.
+pub fn light_weights(mut power: Vec<f64>, learned: Option<&[f32]>) -> Vec<f64> {
     normalise(&mut power);
     if let Some(learned) = learned {
         let mut learned: Vec<f64> =

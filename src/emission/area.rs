@@ -180,6 +180,55 @@ impl<'a> Lamp<'a> {
         }
     }
 
+    /// A parallelogram (centre, half edges) that holds all positions of the box `lo..hi`, which must lie within one primitive.
+    pub(super) fn parallelogram(&self, lo: [f64; 2], hi: [f64; 2]) -> (DVec3, [DVec3; 2]) {
+        let prim = self.primitive(0.5 * (lo[0] + hi[0]));
+        let (start, end) = (self.cdf[prim], self.cdf[prim + 1]);
+        let inner = |u: f64| ((u - start) / (end - start)).clamp(0.0, 1.0);
+        let (mut lo, mut hi) = ([inner(lo[0]), lo[1]], [inner(hi[0]), hi[1]]);
+        if self.table.is_some() {
+            // Columns of the table depend on the row.
+            (lo, hi) = ([0.0; 2], [1.0; 2]);
+        }
+        // c + x e1 + y e2 for x, y in these ranges.
+        let within = |c: DVec3, e1: DVec3, e2: DVec3, x: [f64; 2], y: [f64; 2]| {
+            let half = |r: [f64; 2]| 0.5 * (r[1] - r[0]);
+            (c + e1 * (0.5 * (x[0] + x[1])) + e2 * (0.5 * (y[0] + y[1])), [e1 * half(x), e2 * half(y)])
+        };
+        let signed = |k: usize| [2.0 * lo[k] - 1.0, 2.0 * hi[k] - 1.0];
+        match &self.geometry().geometry {
+            Geometry::Rectangle(r) => {
+                within(r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3(), signed(0), signed(1))
+            }
+            Geometry::Disk(d) => {
+                let [low, high] = warp::disk_bounds(lo, hi);
+                let range = |k: usize| [low[k] - 1e-6, high[k] + 1e-6];
+                within(d.center.as_dvec3(), d.ex.as_dvec3(), d.ey.as_dvec3(), range(0), range(1))
+            }
+            Geometry::Mesh(mesh) => {
+                let [a, b, c] = mesh.corners(prim as u32).map(|v| v.as_dvec3());
+                // Barycentrics of b grow with the first number and fall with the second, those of c the other way round.
+                let at = |u: f64, v: f64| if u < v { [0.5 * u, v - 0.5 * u] } else { [u - 0.5 * v, 0.5 * v] };
+                let (low_b, high_b) = (at(lo[0], hi[1])[0], at(hi[0], lo[1])[0]);
+                let (low_c, high_c) = (at(hi[0], lo[1])[1], at(lo[0], hi[1])[1]);
+                within(a, b - a, c - a, [low_b, high_b], [low_c, high_c])
+            }
+            // Not cut.
+            Geometry::Cylinder(_) | Geometry::Sphere(_) => (DVec3::NAN, [DVec3::NAN; 2]),
+        }
+    }
+
+    /// Whether interpolated normals may turn away from a direction d + x d1 + y d2 of triangle `own`, x and y in [-1, 1].
+    pub(super) fn may_mirror(&self, own: Option<(u32, u32)>, d: DVec3, d_p: [DVec3; 2]) -> bool {
+        let (Geometry::Mesh(mesh), Some((_, prim))) = (&self.geometry().geometry, own) else { return false };
+        // Normals are convex combinations of those of the corners, up to their length.
+        !mesh.normals.is_empty()
+            && mesh.triangles[prim as usize].iter().any(|&i| {
+                let n = mesh.normals[i as usize].as_dvec3();
+                n.dot(d) - n.dot(d_p[0]).abs() - n.dot(d_p[1]).abs() <= 1e-6 * d.length()
+            })
+    }
+
     /// The side that emits at `at` for direction `d`: -1 if it is the opposite one.
     pub(super) fn side(&self, at: &SurfacePoint, d: DVec3) -> f64 {
         if at.n_shade.as_dvec3().dot(d) < 0.0 { -1.0 } else { 1.0 }

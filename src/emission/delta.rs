@@ -23,17 +23,19 @@ pub struct Delta<'a> {
     pub centre: DVec3,
     /// Radius of the scene's bounding sphere.
     pub radius: f64,
+    /// Distance of the starting plane of parallel light from the centre.
+    pub away: f64,
 }
 
 impl<'a> Delta<'a> {
     /// A light of a scene.
     pub fn new(scene: &'a Scene, light: &'a DeltaLight) -> Self {
-        let (centre, radius) = scene.bounds;
+        let (centre, radius) = (scene.bounds.0.as_dvec3(), f64::from(scene.bounds.1));
         let profile = match light {
             DeltaLight::Spot { cutoff, beam, .. } => Some(Profile::new(f64::from(*beam), f64::from(*cutoff))),
             _ => None,
         };
-        Delta { scene, light, profile, centre: centre.as_dvec3(), radius: f64::from(radius) }
+        Delta { scene, light, profile, centre, radius, away: AWAY * radius }
     }
 
     /// Solid angle, weighted by a spot's profile; 1 for parallel light.
@@ -83,7 +85,7 @@ impl<'a> Delta<'a> {
                 let r = self.radius;
                 let offset = |[x, y]: [f64; 2]| (s.at * x + t.at * y) * r;
                 Start {
-                    o: (self.centre - w * (AWAY * r) + offset(q.at)).as_vec3(),
+                    o: (self.centre - w * self.away + offset(q.at)).as_vec3(),
                     d: w,
                     value: *irradiance * (PI * r * r) as f32,
                     o_u: [offset(q.by[0]), offset(q.by[1]), zero, zero],

@@ -107,13 +107,15 @@ pub struct Infinity<'a> {
     pub centre: DVec3,
     /// Radius of its bounding sphere.
     pub radius: f64,
+    /// Distance of the starting plane from the centre.
+    pub away: f64,
 }
 
 impl<'a> Infinity<'a> {
     /// An environment of a scene.
     pub fn new(scene: &'a Scene, light: &'a Environment) -> Self {
-        let (centre, radius) = scene.bounds;
-        Infinity { scene, light, centre: centre.as_dvec3(), radius: f64::from(radius) }
+        let (centre, radius) = (scene.bounds.0.as_dvec3(), f64::from(scene.bounds.1));
+        Infinity { scene, light, centre, radius, away: AWAY * radius }
     }
 
     /// Whether directions pass through a table.
@@ -141,10 +143,10 @@ impl<'a> Infinity<'a> {
         let radiance = self.light.radiance(&self.scene.images, -d.as_vec3());
         let zero = DVec3::ZERO;
         Start {
-            o: (self.centre + (q - d * AWAY) * r).as_vec3(),
+            o: (self.centre + q * r - d * self.away).as_vec3(),
             d,
             value: radiance * (PI * r * r) as f32,
-            o_u: [q_u[0] * r, q_u[1] * r, (q_u[2] - d_v[0] * AWAY) * r, (q_u[3] - d_v[1] * AWAY) * r],
+            o_u: [q_u[0] * r, q_u[1] * r, q_u[2] * r - d_v[0] * self.away, q_u[3] * r - d_v[1] * self.away],
             d_u: [zero, zero, d_v[0], d_v[1]],
         }
     }

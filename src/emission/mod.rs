@@ -8,17 +8,25 @@
 //!   families of lights; `warp`: the maps they are made of
 //! * `allocate`: photons per light, strata of positions
 //! * [`Uniform`]: natural density
+//! * [`EdgeAdaptive`]: strata by the edges that a light sees; `chart`, `cell`: what they are cut from; `interest`: which of them can
+//!   make a caustic
 
 mod allocate;
 mod area;
+mod cell;
+mod chart;
 mod delta;
+mod edge_adaptive;
 mod environment;
+mod interest;
 mod source;
 #[cfg(test)]
 mod tests;
 mod uniform;
 mod warp;
 
+pub use cell::Cell;
+pub use edge_adaptive::{EdgeAdaptive, Settings, Stratum, Summary};
 pub use source::{Drawn, Source, Start};
 pub use uniform::{Sequence, Uniform};
 pub use warp::Mapped;

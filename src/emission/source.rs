@@ -101,6 +101,19 @@ impl<'a> Source<'a> {
         (0..scene.lights.infos.len() as u32).map(|light| Source::new(scene, light)).collect()
     }
 
+    /// Keeps, of a light at infinity, only rays that meet the sphere. They start outside of the scene all the same.
+    pub(super) fn narrow(&mut self, sphere: (DVec3, f64)) {
+        let (centre, radius, away) = match &mut self.kind {
+            Kind::Infinity(i) => (&mut i.centre, &mut i.radius, &mut i.away),
+            Kind::Delta(d) => (&mut d.centre, &mut d.radius, &mut d.away),
+            Kind::Lamp(_) | Kind::Ball(_) => return,
+        };
+        if sphere.1 < *radius {
+            *away += sphere.0.distance(*centre);
+            (*centre, *radius) = sphere;
+        }
+    }
+
     /// Whether the two numbers of the position matter.
     pub fn has_position(&self) -> bool {
         !matches!(&self.kind, Kind::Delta(d) if !matches!(d.light, DeltaLight::Directional { .. }))

@@ -12,7 +12,9 @@
 //! the photon's triangle.
 //! Bias: none. Source: Owen-Sobol points after Burley 2020 (`math::Sampler`). Verified by `tests/flux.rs`.
 
-use super::allocate::{Allocation, PositionStratum, apportion, balanced_strata, light_weights, position_strata};
+use super::allocate::{
+    Allocation, PositionStratum, apportion, balanced_strata, light_weights, position_strata, powers,
+};
 use super::source::{Kind, Source, Start};
 use super::{EmissionDensity, EmittedRay, MOST_PARAMETERS};
 use crate::math::sampler::hash;
@@ -83,27 +85,26 @@ pub(super) fn spread(start: &Start, width: [f64; MOST_PARAMETERS], patch: f64) -
 impl<'a> Uniform<'a> {
     /// About `n` photons a pass (one more where lights are too faint for one of their own).
     pub fn new(scene: &'a Scene, n: usize, sequence: Sequence, seed: u64) -> Self {
-        let mut uniform = Uniform {
-            scene,
-            sources: Source::all(scene),
-            n,
-            sequence,
-            seed,
-            allocation: Allocation::default(),
-            strata: Vec::new(),
-        };
-        uniform.allocate(None);
+        let mut uniform = Uniform::with(scene, Source::all(scene), sequence, seed);
+        uniform.n = n;
+        uniform.set_allocation(Allocation::new(&light_weights(powers(scene), None), n));
         uniform
+    }
+
+    /// No photons yet; sources in the order of the lights.
+    pub(super) fn with(scene: &'a Scene, sources: Vec<Source<'a>>, sequence: Sequence, seed: u64) -> Self {
+        Uniform { scene, sources, n: 0, sequence, seed, allocation: Allocation::default(), strata: Vec::new() }
     }
 
     /// What photons of each light have achieved, in any unit, one number per light of `Lights::infos`: nine tenths of the photons follow
     /// it, the rest power. To be called between passes only, at fixed ones.
     pub fn set_light_weights(&mut self, learned: &[f32]) {
-        self.allocate(Some(learned));
+        self.set_allocation(Allocation::new(&light_weights(powers(self.scene), Some(learned)), self.n));
     }
 
-    fn allocate(&mut self, learned: Option<&[f32]>) {
-        self.allocation = Allocation::new(&light_weights(self.scene, learned), self.n);
+    /// Photons of each light.
+    pub(super) fn set_allocation(&mut self, allocation: Allocation) {
+        self.allocation = allocation;
         // Typical distance of what is lit.
         let distance = f64::from(self.scene.bounds.1);
         self.strata.clear();
@@ -126,6 +127,11 @@ impl<'a> Uniform<'a> {
                 first += count;
             }
         }
+    }
+
+    /// Light number `light`.
+    pub(super) fn source(&self, light: u32) -> &Source<'a> {
+        &self.sources[light as usize]
     }
 
     /// Strata of a pass without those of the tail.

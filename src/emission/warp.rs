@@ -15,7 +15,7 @@
 //! Verified by `tests/maps.rs`: finite differences, determinants, inverses.
 
 use crate::math::DVec3;
-use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, TAU};
+use std::f64::consts::{FRAC_2_PI, FRAC_PI_4, TAU};
 
 /// A value with its derivatives by the two numbers it is made of.
 #[derive(Clone, Copy, Debug)]
@@ -257,7 +257,28 @@ pub fn frame(d: DVec3, d_u: [DVec3; 2]) -> [Mapped<DVec3>; 2] {
     [Mapped { at: s, by: by.map(|b| b.0) }, Mapped { at: t, by: by.map(|b| b.1) }]
 }
 
-/// Half a turn, for callers that bound [`disk`]: no derivative of it is longer than this.
-pub const DISK_SLOPE: f64 = 2.0 * 1.2716;
-
-const _: () = assert!(FRAC_PI_2 < DISK_SLOPE);
+/// The box (min, max) round the image of the box `lo..hi` of numbers under [`disk`], exactly: along the sides of a box both coordinates are monotone
+/// between its crossings with the axes and diagonals, and the extremes of a homeomorphism's image lie on its border.
+pub fn disk_bounds(lo: P2, hi: P2) -> [P2; 2] {
+    let signed = |u: f64| 2.0 * u - 1.0;
+    let (lo, hi) = (lo.map(signed), hi.map(signed));
+    let mut bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    let mut add = |p: P2| {
+        let q = disk(p.map(|x| 0.5 * (x + 1.0))).at;
+        for k in 0..2 {
+            bounds[0][k] = bounds[0][k].min(q[k]);
+            bounds[1][k] = bounds[1][k].max(q[k]);
+        }
+    };
+    for k in 0..2 {
+        let other = 1 - k;
+        for fixed in [lo[k], hi[k]] {
+            for along in [lo[other], hi[other], 0.0, fixed, -fixed] {
+                if along >= lo[other] && along <= hi[other] {
+                    add(if k == 0 { [fixed, along] } else { [along, fixed] });
+                }
+            }
+        }
+    }
+    bounds
+}

@@ -163,3 +163,25 @@ fn the_map_of_the_sphere_covers_it_once() {
     assert!(chi_square_p(&seen, &expected, 5.0) > sidak(0.01, 1));
     assert!(chi_square_p(&skewed, &expected, 5.0) < 1e-6);
 }
+
+#[test]
+fn boxes_round_pieces_of_the_disk_are_tight() {
+    for i in 0..2000 {
+        let r = random(5, i);
+        let size = [1.0, 0.1][i as usize % 2];
+        let lo = [r[0], r[1]];
+        let hi = [0, 1].map(|k| lo[k] + (1.0 - lo[k]) * r[2 + k] * size);
+        let [low, high] = warp::disk_bounds(lo, hi);
+        let (mut min, mut max) = ([2.0f64; 2], [-2.0f64; 2]);
+        for j in 0..400 {
+            let f = [f64::from(j % 20) / 19.0, f64::from(j / 20) / 19.0];
+            let q = warp::disk([0, 1].map(|k| lo[k] + f[k] * (hi[k] - lo[k]))).at;
+            for k in 0..2 {
+                assert!(q[k] >= low[k] - 1e-12 && q[k] <= high[k] + 1e-12, "{lo:?} {hi:?}: {q:?}");
+                (min[k], max[k]) = (min[k].min(q[k]), max[k].max(q[k]));
+            }
+        }
+        let slack = 0.15 * (hi[0] - lo[0] + hi[1] - lo[1]) + 1e-12;
+        assert!((0..2).all(|k| min[k] - low[k] < slack && high[k] - max[k] < slack), "{lo:?} {hi:?}");
+    }
+}

@@ -1,6 +1,9 @@
 //! Tests of emission. Fixed seeds, family-wise significance 0.01 per test (Sidak), each with a companion that must fail.
 
+mod adaptive;
+mod cells;
 mod flux;
+mod interest;
 mod maps;
 
 use super::*;
