@@ -62,7 +62,7 @@ const COLOURS: &[(Kinds, [u8; 3])] = &[
 ];
 
 const LEGEND: &str = "Colours: boundary blue, crease yellow, silhouette orange, depth swap magenta, horizon green, emitter's back olive, \
-highlight pink (not predicted yet), total reflection cyan; dimmed where seen in a mirror or through glass; busy white, unknown grey.
+highlight pink (light maps: where the light leaves a rough surface's lobe), total reflection cyan; dimmed where seen in a mirror or through glass; busy white, unknown grey.
 Bits of `kinds`: boundary 1, crease 2, silhouette 4, swap 8, horizon 16, emitter 32, highlight 64, total reflection 128, \
 mirrored 256, refracted 512, busy 1024, unknown 2048.";
 

@@ -18,6 +18,9 @@ use dualux_dual::{Jet, Ray, Vec3, bounds, face_against, reflect, refract};
 /// Segments followed behind a pixel, at most.
 pub const MOST_SEGMENTS: usize = 8;
 
+/// By how much footprints are enlarged behind curved surfaces: curvature is not in the first order.
+const CURVED: f64 = 1.25;
+
 /// How a smooth surface sends rays on.
 pub(super) enum Optics {
     Mirror,
@@ -26,21 +29,41 @@ pub(super) enum Optics {
     Pane,
 }
 
+/// A segment still to be looked along.
+struct Segment<const N: usize> {
+    ray: Ray<D1<N>>,
+    t: [f64; 2],
+    /// How it got there.
+    seen: Kinds,
+    from: Option<SurfacePoint>,
+    /// By how much its footprint is enlarged.
+    grow: f64,
+}
+
 impl EdgeDetector<'_> {
+    /// Whether a surface turns rays of all places alike.
+    fn is_flat(&self, at: &SurfacePoint) -> bool {
+        match &self.scene.shapes[at.shape as usize].geometry {
+            Geometry::Rectangle(_) | Geometry::Disk(_) => true,
+            Geometry::Mesh(mesh) => mesh.normals.is_empty(),
+            Geometry::Sphere(_) | Geometry::Cylinder(_) => false,
+        }
+    }
+
     /// Events seen through specular chains that start with the given rays; their kinds hold `MIRRORED` or `REFRACTED`.
     /// Nothing if the first surface is not smooth.
     pub fn chain<const N: usize>(&self, first: &Ray<D1<N>>, t: [f64; 2]) -> Events {
         let mut found = NOTHING;
-        let mut todo = arrayvec::ArrayVec::<(Ray<D1<N>>, [f64; 2], Kinds, Option<SurfacePoint>), MOST_SEGMENTS>::new();
-        todo.push((*first, t, Kinds::NONE, None));
+        let mut todo = arrayvec::ArrayVec::<Segment<N>, MOST_SEGMENTS>::new();
+        todo.push(Segment { ray: *first, t, seen: Kinds::NONE, from: None, grow: 1.0 });
         let mut segments = 0;
-        while let Some((ray, t, seen, from)) = todo.pop() {
+        while let Some(Segment { ray, t, seen, from, grow }) = todo.pop() {
             let hit = self.meet(&ray, t, from.as_ref());
             if let Some(at) = &from {
                 segments += 1;
                 let front = hit.as_ref().map(|(t, at)| (at.shape, *t));
                 let facet = Facet { shape: at.shape, prim: at.prim };
-                let verdict = self.predict(&ray, t, Some(facet), front);
+                let verdict = self.predict_in(&ray, t, Some(facet), front, false, grow);
                 if verdict != Verdict::Clear {
                     found.kinds |= verdict.kinds() | seen;
                     found.distance = found.distance.min(verdict.distance());
@@ -50,9 +73,11 @@ impl EdgeDetector<'_> {
             let Some((optics, p, n)) = self.surface(&ray, &at) else { continue };
             let n = face_against(n, ray.d);
             let outside = from_dual(ray.d.re()).dot(at.n_geo.as_dvec3()) < 0.0;
+            let grow = if self.is_flat(&at) { grow } else { CURVED };
             let mut go = |d: Vec3<D1<N>>, kind: Kinds| {
                 if segments + todo.len() < MOST_SEGMENTS {
-                    let _ = todo.try_push((Ray::new(p, d), [0.0, f64::INFINITY], seen | kind, Some(at)));
+                    let (ray, t) = (Ray::new(p, d), [0.0, f64::INFINITY]);
+                    let _ = todo.try_push(Segment { ray, t, seen: seen | kind, from: Some(at), grow });
                 }
             };
             match optics {

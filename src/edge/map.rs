@@ -9,6 +9,7 @@ use crate::accel::{Hit, Ray};
 use crate::math::Vec2;
 use crate::scene::shape::ShapeHit;
 use crate::scene::{Scene, SurfacePoint};
+use dualux_dual::Family;
 use rayon::prelude::*;
 
 /// What is known of one footprint.
@@ -40,11 +41,7 @@ impl EdgeDetector<'_> {
                 }
             }
             Some(PixelFamily::Lens(family, t)) => {
-                let ray = self.scene.camera.ray(Vec2::new(centre[0] as f32, centre[1] as f32), Vec2::splat(0.5));
-                let hit = self.accel.closest(&Ray { o: ray.o, d: ray.d, tmin: ray.tmin, tmax: ray.tmax });
-                // The family's directions have depth 1, the camera's length 1.
-                let length = super::view::from_dual(family.d).length();
-                self.predict(&family.ray(), t, None, hit.map(|h| (h.shape, f64::from(h.t) / length)))
+                self.predict_in(&family.ray(), t, None, self.first(&family, t), true, 1.0)
             }
             None => Verdict::Unknown(NOTHING),
         }
@@ -63,6 +60,13 @@ impl EdgeDetector<'_> {
             Some(PixelFamily::Lens(..)) => true,
             None => false,
         }
+    }
+
+    /// Shape and distance, in units of the direction, of what the centre ray of a family meets.
+    pub(super) fn first<const N: usize>(&self, family: &Family<f64, N>, t: [f64; 2]) -> Option<(u32, f64)> {
+        let [o, d] = [family.o, family.d].map(|v| super::view::from_dual(v).as_vec3());
+        let hit = self.accel.closest(&Ray { o, d, tmin: t[0] as f32, tmax: t[1] as f32 })?;
+        Some((hit.shape, f64::from(hit.t)))
     }
 
     /// What a pixel sees by smooth reflection and refraction.
@@ -105,7 +109,8 @@ impl EdgeDetector<'_> {
         })
     }
 
-    /// The map of a light, a shape: what each pixel centre's first hit sees of it.
+    /// The map of a light, a shape: what each pixel centre's first hit sees of it. Borders of its highlights are in the kinds; they
+    /// are no event.
     pub fn light_map(&self, light: u32, [x0, y0, w, h]: [u32; 4]) -> Vec<Cell> {
         rows(w, h, |x, y| {
             let hit = self.first_hit(x0 + x, y0 + y);
@@ -114,7 +119,11 @@ impl EdgeDetector<'_> {
                 Some(LightVerdict::Partial(e) | LightVerdict::Unknown(e)) => (true, e.distance),
                 _ => (false, f64::INFINITY),
             };
-            Cell { event, kinds: verdict.map_or(Kinds::NONE, |v| v.kinds()), distance }
+            let seen = verdict.is_some_and(|v| v != LightVerdict::Blocked);
+            let gloss = hit.filter(|_| seen).and_then(|(ray, at)| self.highlight(light, &at, -ray.d));
+            let highlight = if gloss.is_some() { Kinds::HIGHLIGHT } else { Kinds::NONE };
+            let distance = gloss.map_or(distance, |e| distance.min(e.distance));
+            Cell { event, kinds: verdict.map_or(Kinds::NONE, |v| v.kinds()) | highlight, distance }
         })
     }
 }

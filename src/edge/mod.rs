@@ -8,13 +8,14 @@
 //! * [`view`]: a family as a projection; [`pixel`], [`light`], [`emission`]: the families
 //! * `gather`, `polygon`, `curved`, `outline`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
 //! * [`detector`], `detect`, `swaps`: `any` and `all` queries; [`kinds`]: what they answer
+//! * [`mod@highlight`]: where a light leaves a glossy lobe
 //! * [`predicted`], [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
 //! * [`oracle`], [`score`]: brute force, and the detector held against it
 //! * [`mod@map`], [`unrolled`]: maps of pixels, of a light, of emission
 //!
 //! Source: DESIGN.md section 1, METHODS.md 3.B; Namae and Makino for the corner test. Exact to rounding for polygons and quadrics where the
 //! origin or the direction is fixed.
-//! Not handled: highlight borders, caustic folds, depth swaps with disks and cylinders.
+//! Not handled: caustic folds, depth swaps with disks and cylinders.
 pub mod chain;
 pub mod chord;
 mod curved;
@@ -22,8 +23,10 @@ mod detect;
 pub mod detector;
 pub mod emission;
 mod gather;
+pub mod highlight;
 pub mod kinds;
 pub mod light;
+mod linear;
 pub mod map;
 pub mod oracle;
 mod outline;

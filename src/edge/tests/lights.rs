@@ -2,7 +2,7 @@
 
 use super::{Rng, ball, quad, scene, scene_of, shape};
 use crate::edge::light::Receiver;
-use crate::edge::{EdgeDetector, LightVerdict, oracle};
+use crate::edge::{EdgeDetector, LightVerdict, Settings, oracle};
 use crate::math::{DMat4, DVec3, Vec3};
 use crate::scene::description::{GeometryDesc, ShapeDesc};
 use crate::scene::mesh::MeshData;
@@ -51,7 +51,8 @@ fn agree(seed: u64, light: ShapeDesc, receivers: usize) -> ([usize; 3], usize) {
     let mut shapes = vec![lamp(light)];
     shapes.extend(clutter(&mut rng));
     let (scene, accel) = scene(shapes);
-    let detector = EdgeDetector::new(&scene, &accel);
+    let settings = Settings { busy: 200, ..Settings::default() };
+    let detector = EdgeDetector::with_settings(&scene, &accel, settings);
     let prepared = detector.lamp(0);
     let (mut counts, mut unsure) = ([0; 3], 0);
     for _ in 0..receivers {
@@ -186,4 +187,24 @@ fn masks_are_unknown_and_never_clear() {
 
 fn scene_lamp() -> ShapeDesc {
     lamp(quad(DVec3::new(0.0, 4.0, 0.0), DVec3::X, DVec3::Z))
+}
+
+#[test]
+fn many_edges_are_busy_and_no_work_without_end() {
+    // Slats before a lamp, behind a wall that hides half of them.
+    let mut shapes = vec![scene_lamp()];
+    for i in 0..60 {
+        let at = DVec3::new(-1.5 + 0.05 * f64::from(i), 1.0, 0.0);
+        shapes.push(quad(at, DVec3::X * 0.02, DVec3::Z * 0.3));
+    }
+    let (scene, accel) = scene(shapes);
+    let from = Receiver { p: DVec3::new(0.0, -2.0, 0.0), n: Some(DVec3::Y), facet: None };
+    let ask = |busy: usize, all: bool| {
+        let settings = Settings { busy, ..Settings::default() };
+        EdgeDetector::with_settings(&scene, &accel, settings).light(0, &from, all)
+    };
+    assert!(matches!(ask(16, true), LightVerdict::Unknown(e) if e.kinds.intersects(crate::edge::Kinds::BUSY)));
+    assert!(matches!(ask(1000, true), LightVerdict::Partial(_)));
+    // One edge is enough for `any`.
+    assert!(matches!(ask(16, false), LightVerdict::Partial(_)));
 }

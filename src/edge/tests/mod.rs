@@ -2,8 +2,10 @@
 //!
 //! * `sight`: exactness against the dual margins, recall 1 where expansions are exact, and what must not fire
 //! * `lights`: verdicts on lights against shadow rays
+//! * `predicted`: lenses, patches, chains, highlights
 
 mod lights;
+mod predicted;
 mod sight;
 
 use super::view::{View, to_dual};
@@ -49,6 +51,10 @@ pub(super) fn scene(shapes: Vec<ShapeDesc>) -> (Scene, Accel) {
 }
 
 pub(super) fn scene_of(shapes: Vec<ShapeDesc>, material: Material) -> (Scene, Accel) {
+    scene_with(shapes, vec![material])
+}
+
+pub(super) fn scene_with(shapes: Vec<ShapeDesc>, materials: Vec<Material>) -> (Scene, Accel) {
     let description = Description {
         camera: CameraDesc {
             to_world: DMat4::IDENTITY,
@@ -72,7 +78,7 @@ pub(super) fn scene_of(shapes: Vec<ShapeDesc>, material: Material) -> (Scene, Ac
         seed: 0,
         images: vec![],
         textures: vec![],
-        materials: vec![material],
+        materials,
         shapes,
         lights: vec![],
     };

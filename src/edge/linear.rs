@@ -1,0 +1,58 @@
+//! Affine functions of a footprint's parameters: their ranges over it, and their zeros.
+
+use dualux_dual::Expansion;
+
+/// An affine function of the parameters.
+#[derive(Clone, Copy, Debug)]
+pub struct Linear<const N: usize> {
+    /// At the centre.
+    pub value: f64,
+    /// By each parameter.
+    pub gradient: [f64; N],
+}
+
+impl<const N: usize> From<Expansion<f64, N>> for Linear<N> {
+    fn from(e: Expansion<f64, N>) -> Self {
+        Linear { value: e.value, gradient: e.gradient }
+    }
+}
+
+impl<const N: usize> Linear<N> {
+    /// At p.
+    pub fn at(&self, p: &[f64; N]) -> f64 {
+        self.gradient.iter().zip(p).fold(self.value, |s, (g, p)| s + g * p)
+    }
+
+    /// How far it gets from its value; `round`: with the last two parameters in the unit disk.
+    #[inline(always)]
+    pub fn reach(&self, round: bool) -> f64 {
+        let [square, disk] = if round { [N - 2, N] } else { [N, N] };
+        let sum: f64 = self.gradient[..square].iter().map(|g| g.abs()).sum();
+        sum + self.gradient[square..disk].iter().map(|g| g * g).sum::<f64>().sqrt()
+    }
+
+    /// Whether it can vanish, or is not finite.
+    #[inline(always)]
+    pub fn vanishes(&self, round: bool) -> bool {
+        !(self.value.abs() > self.reach(round))
+    }
+
+    /// Distance of its zeros from the centre.
+    pub fn distance(&self) -> f64 {
+        let g2: f64 = self.gradient.iter().map(|g| g * g).sum();
+        if g2 > 0.0 { self.value.abs() / g2.sqrt() } else { f64::INFINITY }
+    }
+
+    /// Parameters at which it vanishes, with those of `fixed` given; the others no larger than need be, `None` if larger than 1.
+    pub fn root(&self, fixed: &[Option<f64>; N]) -> Option<[f64; N]> {
+        let (mut rest, mut reach) = (self.value, 0.0);
+        for k in 0..N {
+            match fixed[k] {
+                Some(p) => rest += self.gradient[k] * p,
+                None => reach += self.gradient[k].abs(),
+            }
+        }
+        let s = -rest / reach;
+        (s.abs() <= 1.0).then(|| std::array::from_fn(|k| fixed[k].unwrap_or(s * self.gradient[k].signum())))
+    }
+}
