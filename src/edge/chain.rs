@@ -12,7 +12,7 @@ use super::view::{from_dual, to_dual};
 use super::{EdgeDetector, Facet, NOTHING, surface};
 use crate::accel::{Hit, Ray as PlainRay};
 use crate::scene::shape::ShapeHit;
-use crate::scene::{Material, SurfacePoint};
+use crate::scene::{Geometry, Material, SurfacePoint};
 use dualux_dual::{Jet, Ray, Vec3, bounds, face_against, reflect, refract};
 
 /// Segments followed behind a pixel, at most.

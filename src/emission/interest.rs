@@ -119,8 +119,9 @@ struct Walk<'a> {
     found: bool,
 }
 
-impl Visitor for Walk<'_> {
-    fn visit(&mut self, index: u32, prim: u32) -> ControlFlow<()> {
+impl Walk<'_> {
+    /// Notes a shape; `corners` if it is, or this part of it is, a flat polygon.
+    fn meet(&mut self, index: u32, prim: u32, corners: &[DVec3]) -> ControlFlow<()> {
         let Interest { scene, wanted, .. } = self.interest;
         if self.own == Some((index, prim)) || self.own == Some((index, u32::MAX)) {
             return ControlFlow::Continue(());
@@ -131,27 +132,33 @@ impl Visitor for Walk<'_> {
                 Geometry::Sphere(s) => self.bundle.may_meet(s.center.as_dvec3(), f64::from(s.radius) * (1.0 + 1e-6)),
                 _ => true,
             };
-            if meets {
-                self.found = true;
-                return ControlFlow::Break(());
-            }
+            self.found |= meets;
+            return if meets { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        }
+        if scene.passes_light[shape.material as usize] || corners.is_empty() {
             return ControlFlow::Continue(());
         }
-        if scene.passes_light[shape.material as usize] {
-            return ControlFlow::Continue(());
-        }
-        let far = match &shape.geometry {
-            Geometry::Mesh(m) => self.bundle.covered(&m.corners(prim).map(|p| p.as_dvec3())),
-            Geometry::Rectangle(r) => {
-                let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
-                self.bundle.covered(&[c - x - y, c + x - y, c + x + y, c - x + y])
-            }
-            _ => None,
-        };
-        if let Some(far) = far {
+        if let Some(far) = self.bundle.covered(corners) {
             self.limit = self.limit.min(far as f32 * 1.000_01);
         }
         ControlFlow::Continue(())
+    }
+}
+
+impl Visitor for Walk<'_> {
+    fn triangle(&mut self, index: u32, prim: u32, corners: [Vec3; 3]) -> ControlFlow<()> {
+        match &self.interest.scene.shapes[index as usize].geometry {
+            // It covers as a whole what neither of its triangles does.
+            Geometry::Rectangle(r) => {
+                let (c, x, y) = (r.center.as_dvec3(), r.ex.as_dvec3(), r.ey.as_dvec3());
+                self.meet(index, prim, &[c - x - y, c + x - y, c + x + y, c - x + y])
+            }
+            _ => self.meet(index, prim, &corners.map(|p| p.as_dvec3())),
+        }
+    }
+
+    fn quadric(&mut self, index: u32) -> ControlFlow<()> {
+        self.meet(index, 0, &[])
     }
 
     fn limit(&self) -> f32 {

@@ -1,7 +1,7 @@
 //! Caustic photons of each pass: where they start, how many there are.
 
 use super::settings::{Emission, PhotonSettings};
-use crate::emission::{EmissionDensity, Sequence, Uniform};
+use crate::emission::{self, EdgeAdaptive, EmissionDensity, Sequence, Uniform};
 use crate::scene::material::has_sharp_lobe;
 use crate::transport::photon_map::PhotonSettings as MapSettings;
 use crate::transport::{CausticMap, NEARLY_SPECULAR_ALPHA, World};
@@ -28,7 +28,11 @@ impl<'a> Caustics<'a> {
         let n = settings.caustic_photons.map_or(pixels.clamp(AUTOMATIC[0], AUTOMATIC[1]), |n| n as usize);
         let density: Box<dyn EmissionDensity> = match settings.emission {
             Emission::Uniform => Box::new(Uniform::new(scene, n, Sequence::Random, settings.seed)),
-            Emission::Adaptive => Box::new(Uniform::new(scene, n, Sequence::OwenSobol, settings.seed)),
+            Emission::Adaptive => {
+                let wanted = |shape: u32| sharp(scene.shapes[shape as usize].material);
+                let adaptive = emission::Settings { interest: Some(&wanted), ..Default::default() };
+                Box::new(EdgeAdaptive::new(scene, world.accel, n, &adaptive, settings.seed))
+            }
         };
         let map = MapSettings {
             seed: settings.seed,
