@@ -31,8 +31,12 @@ pub fn area_lights(scene: &Scene) -> Vec<u32> {
 impl EdgeDetector<'_> {
     /// The pixel with upper left corner (x, y).
     pub fn pixel(&self, x: u32, y: u32, all: bool) -> Verdict {
-        let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-        match pixel::family(&self.scene.camera, centre, [0.5; 2]) {
+        self.film_patch([f64::from(x) + 0.5, f64::from(y) + 0.5], [0.5; 2], all)
+    }
+
+    /// The film's rectangle around `centre` with half sizes `half`, in pixels.
+    pub fn film_patch(&self, centre: [f64; 2], half: [f64; 2], all: bool) -> Verdict {
+        match pixel::family(&self.scene.camera, centre, half) {
             Some(PixelFamily::Exact(view)) => {
                 if all {
                     self.all(&view, None)
@@ -71,8 +75,12 @@ impl EdgeDetector<'_> {
 
     /// What a pixel sees by smooth reflection and refraction.
     pub fn pixel_chain(&self, x: u32, y: u32) -> Events {
-        let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-        match pixel::family(&self.scene.camera, centre, [0.5; 2]) {
+        self.film_patch_chain([f64::from(x) + 0.5, f64::from(y) + 0.5], [0.5; 2])
+    }
+
+    /// The same for a rectangle of the film.
+    pub fn film_patch_chain(&self, centre: [f64; 2], half: [f64; 2]) -> Events {
+        match pixel::family(&self.scene.camera, centre, half) {
             Some(PixelFamily::Exact(view)) => self.chain(&view.family.ray::<D1<2>>(), view.t),
             Some(PixelFamily::Lens(family, t)) => self.chain(&family.ray::<D1<4>>(), t),
             None => NOTHING,

@@ -23,6 +23,7 @@ mod detect;
 pub mod detector;
 pub mod emission;
 mod gather;
+pub mod hard_shadow;
 pub mod highlight;
 pub mod kinds;
 pub mod light;

@@ -23,7 +23,7 @@ mod tests;
 
 use super::light_tree::{LightTree, LitPoint, Unit};
 use super::{World, power_heuristic};
-use crate::edge::EdgeDetector;
+use crate::edge::{EdgeDetector, light::Lamp};
 use crate::math::sampler::refine;
 use crate::math::{Rgb, Sampler, Vec3};
 use crate::scene::{Bsdf, SurfacePoint};
@@ -149,6 +149,8 @@ pub struct Direct<'a> {
     detector: EdgeDetector<'a>,
     tree: LightTree,
     settings: DirectSettings,
+    /// Of each emitter that is a whole shape: prepared for the detector.
+    lamps: Vec<Option<Lamp>>,
 }
 
 /// A point that is shaded.
@@ -176,7 +178,11 @@ impl<'a> Direct<'a> {
             ..settings
         };
         let detector = EdgeDetector::new(world.scene, world.accel);
-        Direct { world, detector, tree: LightTree::new(world.scene), settings }
+        let lamps = match settings.sampling {
+            LightSampling::Adaptive => whole_lamps(&detector),
+            _ => Vec::new(),
+        };
+        Direct { world, detector, tree: LightTree::new(world.scene), settings, lamps }
     }
 
     /// The settings, within their bounds.
@@ -292,4 +298,17 @@ impl<'a> Direct<'a> {
         let chosen = self.choose(point, rng);
         chosen.into_iter().map(|c| one(c, rng)).sum()
     }
+}
+
+fn whole_lamps(detector: &EdgeDetector) -> Vec<Option<Lamp>> {
+    let lights = &detector.scene.lights;
+    let shape = |e: u32| lights.emitter_surface(e).map(|(shape, _)| shape);
+    let count = lights.emitter_count() as u32;
+    let whole = |e: u32| {
+        // The emitters of a shape follow each other.
+        let of = shape(e)?;
+        let alone = (e == 0 || shape(e - 1) != Some(of)) && (e + 1 == count || shape(e + 1) != Some(of));
+        alone.then(|| detector.lamp(of))
+    };
+    (0..count).map(whole).collect()
 }

@@ -15,9 +15,10 @@
 //! Not handled visibility; splitting (callers draw several lights with stratified numbers); single-precision ties
 //! Verified by `tests`: pmf sums to 1, chi-square, what is left out sends nothing, brute-force importance
 
-use crate::math::Vec3;
-use crate::scene::Scene;
+use crate::math::sampler::{hash, refine, unit_f32};
+use crate::math::{Vec2, Vec3};
 use crate::scene::light::EmitterBounds;
+use crate::scene::{LightSample, Scene, SurfacePoint};
 use std::f32::consts::PI;
 
 /// Buckets per axis in which splits are looked for.
@@ -320,6 +321,34 @@ impl LightTree {
                 (node, u, pmf) = (n.link, (u - first) / (1.0 - first), pmf * (1.0 - p));
             }
         }
+    }
+
+    /// A direction towards a light of the scene: `u_light` draws the light, `u` the direction. Weight and density include the
+    /// probability of the light. `None` counts as a sample of value 0.
+    pub fn sample_light(&self, scene: &Scene, at: &LitPoint, u_light: f32, u: Vec2) -> Option<LightSample> {
+        let (unit, pmf) = self.sample(at, refine(u_light, u))?;
+        let s = match unit {
+            Unit::Emitter(e) => scene.lights.view(&scene.shapes, scene.textures(), e, at.p)?.sample(u)?,
+            // What is left of the number after the choice of the light is not independent of it: a new one.
+            Unit::Environment => {
+                let u_map = unit_f32(hash(u64::from(u_light.to_bits()), u64::from(u.x.to_bits())));
+                scene.lights.sample_environment(scene.textures(), u_map, u)?
+            }
+        };
+        Some(LightSample { weight: s.weight / pmf, pdf_dir: s.pdf_dir * pmf, ..s })
+    }
+
+    /// Density per solid angle with which [`Self::sample_light`] draws the point `lamp` of a lamp.
+    pub fn pdf_dir_surface(&self, scene: &Scene, at: &LitPoint, lamp: &SurfacePoint) -> f32 {
+        let Some(e) = scene.lights.emitter_at(lamp) else { return 0.0 };
+        let pdf = scene.lights.pdf_dir_of(&scene.shapes, e, at.p, lamp);
+        if pdf > 0.0 { pdf * self.pmf(at, Unit::Emitter(e)) } else { 0.0 }
+    }
+
+    /// Density per solid angle with which [`Self::sample_light`] draws the unit direction `w` into the environment.
+    pub fn pdf_dir_environment(&self, scene: &Scene, at: &LitPoint, w: Vec3) -> f32 {
+        let pdf = scene.lights.pdf_dir_infinity(w);
+        if pdf > 0.0 { pdf * self.pmf(at, Unit::Environment) } else { 0.0 }
     }
 
     /// Probability with which [`Self::sample`] draws the light.

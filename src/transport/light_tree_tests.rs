@@ -2,8 +2,6 @@
 
 use super::*;
 use crate::formats::{LoadOptions, mitsuba_xml::load_text};
-use crate::math::Vec2;
-use crate::math::sampler::{hash, unit_f32};
 use crate::math::stats::{chi_square_p, sidak};
 use std::fmt::Write;
 use std::path::Path;

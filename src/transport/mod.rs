@@ -6,11 +6,13 @@
 //! * [`footprint_kernel`]: the kernel of a photon's own footprint
 //! * [`photon_tree`]: all photons whose reach covers a point; [`nearest`]: the nearest photons
 //! * [`photon_map`]: radiance and irradiance from photons
+//! * [`antialias`]: which pixels need several samples
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
 //!   irradiance), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits), [`cache_record`] (radii and
 //!   weights) and [`sphere_octree`] (look-up)
 
+pub mod antialias;
 pub mod cache_record;
 pub mod differential;
 pub mod direct;

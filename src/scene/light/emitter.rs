@@ -182,6 +182,17 @@ pub struct EmitterBounds {
     pub intensity: f32,
 }
 
+/// Where an emitter is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightPlace {
+    /// Around this point.
+    At(Vec3),
+    /// At infinity: the unit direction in which its light travels.
+    Parallel(Vec3),
+    /// At infinity, in all directions.
+    Everywhere,
+}
+
 impl Lights {
     /// Number of emitters: triangles of lamps (or pairs of them), other lamps, lights without extent, lights at infinity.
     pub fn emitter_count(&self) -> usize {
@@ -198,7 +209,7 @@ impl Lights {
     ) -> Option<EmitterView<'a>> {
         let Emitter { light, source } = self.emitters[emitter as usize];
         let kind = match source {
-            Source::Surface { shape: index, prim, patch } => {
+            Source::Surface { shape: index, prim, patch, .. } => {
                 let shape = &shapes[index as usize];
                 let lamp = self.lamp(shapes, index, prim, patch);
                 let smooth = matches!(&shape.geometry, Geometry::Mesh(m) if !m.normals.is_empty());
@@ -221,10 +232,10 @@ impl Lights {
         (start != NONE).then(|| self.emitter_of[(start + at.prim) as usize])
     }
 
-    /// Shape and primitive of an emitter that is (part of) a lamp.
-    pub fn emitter_surface(&self, emitter: u32) -> Option<(u32, u32)> {
+    /// Shape and primitives of an emitter that is (part of) a lamp; twice the same but for a pair of triangles.
+    pub fn emitter_surface(&self, emitter: u32) -> Option<(u32, [u32; 2])> {
         match self.emitters[emitter as usize].source {
-            Source::Surface { shape, prim, .. } => Some((shape, prim)),
+            Source::Surface { shape, prim, other, .. } => Some((shape, [prim, other])),
             _ => None,
         }
     }
@@ -232,7 +243,7 @@ impl Lights {
     /// Density per solid angle with which [`EmitterView::sample`] at `p` draws the point `at` of the emitter.
     pub fn pdf_dir_of(&self, shapes: &[Shape], emitter: u32, p: Vec3, at: &SurfacePoint) -> f32 {
         match self.emitters[emitter as usize].source {
-            Source::Surface { shape, prim, patch } => area::pdf_dir(self.lamp(shapes, shape, prim, patch), p, at),
+            Source::Surface { shape, prim, patch, .. } => area::pdf_dir(self.lamp(shapes, shape, prim, patch), p, at),
             _ => 0.0,
         }
     }
@@ -249,7 +260,7 @@ impl Lights {
             intensity,
         };
         match self.emitters[emitter as usize].source {
-            Source::Surface { shape, prim, patch } => {
+            Source::Surface { shape, prim, patch, .. } => {
                 let shape = &shapes[shape as usize];
                 let all_round =
                     EmitterBounds { cos_normals: -1.0, ..flat(&[shape.bounds().0, shape.bounds().1], Vec3::Z) };
@@ -297,6 +308,15 @@ impl Lights {
                 _ => None,
             },
             _ => None,
+        }
+    }
+
+    /// Where the emitter is, roughly: lamps by the middle of their bounds.
+    pub fn place(&self, shapes: &[Shape], emitter: u32) -> LightPlace {
+        match (self.emitter_bounds(shapes, emitter), self.parallel(emitter)) {
+            (Some(b), _) => LightPlace::At(0.5 * (b.bounds.0 + b.bounds.1)),
+            (None, Some((towards, _))) => LightPlace::Parallel(-towards),
+            (None, None) => LightPlace::Everywhere,
         }
     }
 

@@ -28,7 +28,7 @@ use crate::math::sampler::refine;
 use crate::math::{Rgb, Vec2, Vec3};
 use area::Patch;
 pub use delta::DeltaLight;
-pub use emitter::{EmitterBounds, EmitterView};
+pub use emitter::{EmitterBounds, EmitterView, LightPlace};
 pub use environment::{DrawnDirection, EnvMap, Environment};
 
 /// Smallest selection weight of an emitter, as a fraction of the average one.
@@ -106,10 +106,12 @@ struct Emitter {
 
 #[derive(Clone, Copy, Debug)]
 enum Source {
-    /// A primitive of a lamp; `patch` is an index into `patches` or [`NONE`].
+    /// A primitive of a lamp, or two; `patch` is an index into `patches` or [`NONE`].
     Surface {
         shape: u32,
         prim: u32,
+        /// The second triangle of a pair, else `prim`.
+        other: u32,
         patch: u32,
     },
     Delta(u32),
@@ -190,7 +192,8 @@ impl Lights {
             });
             weights.push(std::f64::consts::PI * a * mean_channel(radiance));
             self.emitter_of.push(self.emitters.len() as u32);
-            self.emitters.push(Emitter { light, source: Source::Surface { shape: index, prim, patch } });
+            let other = pair.map_or(prim, |(other, _)| *other);
+            self.emitters.push(Emitter { light, source: Source::Surface { shape: index, prim, other, patch } });
         }
         if let (Geometry::Rectangle(_), Some(&emitter)) = (&shape.geometry, self.emitter_of.last()) {
             // Rays meet a rectangle in one of two halves, which they name as its primitives 0 and 1.

@@ -20,7 +20,7 @@
 
 use super::{Chosen, Direct, DirectCounts, MOST_LIGHTS, Point, Unit};
 use crate::edge::light::Receiver;
-use crate::edge::{Kinds, LightVerdict};
+use crate::edge::{Events, Kinds, LightVerdict, NOTHING};
 use crate::math::sampler::Block;
 use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::light::EmitterView;
@@ -205,14 +205,27 @@ impl Direct<'_> {
         high - low > HIGHLIGHT_SPREAD * (mean + luminance(diffuse))
     }
 
+    /// The detector's answer for one emitter, which is a shape, or a triangle of a mesh, or two.
+    fn look(&self, emitter: u32, from: &Receiver, all: bool) -> LightVerdict {
+        let (lights, detector) = (&self.world.scene.lights, &self.detector);
+        if let Some(Some(lamp)) = self.lamps.get(emitter as usize) {
+            return detector.seen_from(lamp, from, all);
+        }
+        let prims = lights.emitter_surface(emitter).into_iter().flat_map(|(shape, [a, b])| {
+            let second = (b != a).then_some((shape, b));
+            std::iter::once((shape, a)).chain(second)
+        });
+        let verdicts = prims.map(|(shape, prim)| detector.light_prim(shape, prim, from, all));
+        verdicts.reduce(both).unwrap_or(LightVerdict::Unknown(NOTHING))
+    }
+
     fn verdict(&self, point: &Point, emitter: u32, counts: &mut DirectCounts) -> Known {
-        let Some((shape, _)) = self.world.scene.lights.emitter_surface(emitter) else { return Known::No };
         let receiver = point.receiver();
-        let mut verdict = self.detector.light(shape, &receiver, false);
+        let mut verdict = self.look(emitter, &receiver, false);
         // The closed form and the material know the horizon; is there anything else?
         let only_horizon = |v: &LightVerdict| matches!(v, LightVerdict::Partial(e) if e.kinds == Kinds::HORIZON);
         if only_horizon(&verdict) {
-            verdict = self.detector.light(shape, &receiver, true);
+            verdict = self.look(emitter, &receiver, true);
         }
         match verdict {
             LightVerdict::Blocked => {
@@ -235,6 +248,20 @@ impl Direct<'_> {
                 counts.unknown += 1;
                 Known::No
             }
+        }
+    }
+}
+
+/// Of the two halves of an emitter.
+fn both(a: LightVerdict, b: LightVerdict) -> LightVerdict {
+    match (a, b) {
+        (LightVerdict::Visible, LightVerdict::Visible) | (LightVerdict::Blocked, LightVerdict::Blocked) => a,
+        (LightVerdict::Unknown(e), _) | (_, LightVerdict::Unknown(e)) => LightVerdict::Unknown(e),
+        _ => {
+            // A half that is hidden may be so by anything: then it is not the horizon alone.
+            let hidden = a == LightVerdict::Blocked || b == LightVerdict::Blocked;
+            let more = if hidden { Kinds::EMITTER } else { Kinds::NONE };
+            LightVerdict::Partial(Events { kinds: a.kinds() | b.kinds() | more, ..NOTHING })
         }
     }
 }
