@@ -1,7 +1,8 @@
 //! Unidirectional path tracing: the oracle that every other integrator is tested against.
 //!
 //! Estimates   L(x, w) = Le + integral f(w, wi) L(x, wi) |cos| dwi by one path per camera sample
-//! Direct      one light sample per vertex, combined with the scattered direction by the power heuristic (beta = 2)
+//! Direct      one light sample per vertex, of a light drawn from the light tree, combined with the scattered direction by the
+//!             power heuristic (beta = 2)
 //! Measure     all densities per solid angle at the vertex; light densities include the selection probability
 //! Passing     masks and null surfaces that a path goes straight through count neither for the depth nor as a vertex, and
 //!             light samples cross them: as Mitsuba's `volpath`, whereas its `path` counts them and lets them block
@@ -17,6 +18,7 @@ use crate::image::film::Features;
 use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, LightSample, LobeKind, SurfacePoint, Transport};
+use crate::transport::light_tree::{LightTree, LitPoint};
 use crate::transport::{MAX_PASSED_SURFACES, World, power_heuristic};
 
 /// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
@@ -43,13 +45,14 @@ impl Default for PathSettings {
 #[derive(Debug)]
 pub struct Path<'a> {
     world: World<'a>,
+    lights: LightTree,
     settings: PathSettings,
 }
 
 /// What a path vertex needs to know of the one before: where light sampling could have started instead.
 struct Previous {
-    /// Origin of the light sample, `None` if light sampling was not possible there (camera, Dirac lobe).
-    from: Option<Vec3>,
+    /// Where the light sample was taken, `None` if light sampling was not possible there (camera, Dirac lobe).
+    from: Option<LitPoint>,
     /// Density per solid angle of the direction that was scattered into.
     pdf_dir: f32,
 }
@@ -57,7 +60,7 @@ struct Previous {
 impl<'a> Path<'a> {
     /// A path tracer over `world`.
     pub fn new(world: World<'a>, settings: PathSettings) -> Self {
-        Path { world, settings }
+        Path { world, lights: LightTree::new(world.scene), settings }
     }
 
     /// Radiance from one light sample towards the point `at`, weighted against scattering into the same direction.
@@ -70,10 +73,10 @@ impl<'a> Path<'a> {
         rng: &mut Sampler,
         counts: &mut Counts,
     ) -> Rgb {
-        let scene = self.world.scene;
         let [ux, uy, u_light, _] = rng.next_4d();
+        let lit = LitPoint { p: at.p, n: bsdf.upper_normal() };
         let Some(LightSample { wi, distance, weight, pdf_dir, .. }) =
-            scene.lights.sample(&scene.shapes, scene.textures(), at.p, u_light, Vec2::new(ux, uy))
+            self.lights.sample_light(self.world.scene, &lit, u_light, Vec2::new(ux, uy))
         else {
             return Rgb::ZERO;
         };
@@ -91,8 +94,8 @@ impl<'a> Path<'a> {
     }
 
     /// Weight of emission found by scattering, against the light sample that could have found it.
-    fn scattered_weight(&self, previous: &Previous, pdf_light: impl FnOnce(Vec3) -> f32) -> f32 {
-        previous.from.map_or(1.0, |p| power_heuristic(previous.pdf_dir, pdf_light(p)))
+    fn scattered_weight(&self, previous: &Previous, pdf_light: impl FnOnce(&LitPoint) -> f32) -> f32 {
+        previous.from.as_ref().map_or(1.0, |p| power_heuristic(previous.pdf_dir, pdf_light(p)))
     }
 
     fn features(&self, at: &SurfacePoint, bsdf: &Bsdf, wo: Vec3, origin: Vec3) -> Features {
@@ -118,7 +121,8 @@ impl Integrator for Path<'_> {
             let emitters_seen = depth > 0 || !self.settings.hide_emitters;
             let Some(hit) = accel.closest(&ray) else {
                 if emitters_seen {
-                    let weight = self.scattered_weight(&previous, |_| scene.lights.pdf_dir_environment(ray.d));
+                    let weight =
+                        self.scattered_weight(&previous, |lit| self.lights.pdf_dir_environment(scene, lit, ray.d));
                     radiance += throughput * scene.lights.environment(scene.textures(), ray.d) * weight;
                 }
                 break;
@@ -139,8 +143,7 @@ impl Integrator for Path<'_> {
             if scene.shapes[at.shape as usize].emission.is_some() {
                 let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
                 if emitted != Rgb::ZERO {
-                    let weight =
-                        self.scattered_weight(&previous, |p| scene.lights.pdf_dir_surface(&scene.shapes, p, &at));
+                    let weight = self.scattered_weight(&previous, |lit| self.lights.pdf_dir_surface(scene, lit, &at));
                     radiance += throughput * emitted * weight;
                 }
             }
@@ -176,7 +179,8 @@ impl Integrator for Path<'_> {
                 break;
             }
             depth += 1;
-            let from = (scattered.lobe != LobeKind::Specular).then_some(at.p);
+            let lit = LitPoint { p: at.p, n: bsdf.upper_normal() };
+            let from = (scattered.lobe != LobeKind::Specular).then_some(lit);
             previous = Previous { from, pdf_dir: scattered.pdf_dir };
 
             if depth >= self.settings.rr_depth {
