@@ -51,21 +51,6 @@ impl EdgeDetector<'_> {
         }
     }
 
-    /// Whether the film's square of half side `half`, in pixels, around the middle of a pixel needs several samples: it sees an edge or
-    /// what has no margin, with `chains` by smooth reflection and refraction too.
-    pub fn needs_samples(&self, x: u32, y: u32, half: f64, chains: bool) -> bool {
-        let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-        match pixel::family(&self.scene.camera, centre, [half; 2]) {
-            Some(PixelFamily::Exact(view)) => {
-                self.any(&view, None).needs_samples()
-                    || chains && self.chain(&view.family.ray::<D1<2>>(), view.t).kinds != Kinds::NONE
-            }
-            // Whatever is out of focus is blurred everywhere.
-            Some(PixelFamily::Lens(..)) => true,
-            None => false,
-        }
-    }
-
     /// Shape and distance, in units of the direction, of what the centre ray of a family meets.
     pub(super) fn first<const N: usize>(&self, family: &Family<f64, N>, t: [f64; 2]) -> Option<(u32, f64)> {
         let [o, d] = [family.o, family.d].map(|v| super::view::from_dual(v).as_vec3());

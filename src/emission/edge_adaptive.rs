@@ -48,7 +48,7 @@ const BATCH: (usize, usize) = (512, 8);
 pub struct Settings<'s> {
     /// Shapes that photons are wanted on as their first hit; `None`: anywhere.
     pub interest: Option<&'s dyn Fn(u32) -> bool>,
-    /// Cells, at most; 0: half as many as photons, [`MOST_CELLS`] at most.
+    /// Cells, at most; 0: half as many as photons, 16384 at most.
     pub cells: usize,
     /// sigma_s: weight of flux in cells without event, relative to that in cells with one.
     pub smooth: f64,

@@ -12,7 +12,6 @@
 //! Verified by tests/photon.rs (agreement with `path`, furnace, determinism), tests/references.rs
 
 mod allocate;
-mod antialias;
 mod caustics;
 mod eye;
 mod places;
@@ -26,6 +25,7 @@ use super::{Counts, Integrator};
 use crate::image::film::{Features, Film};
 use crate::math::{Rgb, Sampler, Vec3};
 use crate::scene::camera::CameraRay;
+use crate::transport::antialias::{AntialiasSettings, samples_per_pixel};
 use crate::transport::direct::{Direct, DirectSettings};
 use crate::transport::gather_sky;
 use crate::transport::{CacheSettings, CausticMap, HitLight, IrradianceCache, World};
@@ -99,8 +99,15 @@ impl Integrator for Photon<'_> {
 
     fn prepare(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
         if pass == 0 {
-            let chains = self.caustics.is_some();
-            self.samples = antialias::samples(self.world, self.window, chains, self.settings.antialiasing);
+            let pixels = self.window[2] as usize * self.window[3] as usize;
+            self.samples = match self.settings.antialiasing {
+                Antialiasing::Off => vec![1.0; pixels],
+                Antialiasing::Full => vec![f32::from(AntialiasSettings::default().samples); pixels],
+                Antialiasing::Adaptive => {
+                    let samples = samples_per_pixel(self.world, self.window, AntialiasSettings::default());
+                    samples.into_iter().map(f32::from).collect()
+                }
+            };
         }
         self.map = self.caustics.as_ref().map(|c| c.map(pass));
         self.fill_cache(pass, over);
