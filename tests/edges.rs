@@ -110,7 +110,7 @@ fn the_emission_of_a_light_unrolls_to_its_hemicube() {
 #[test]
 fn a_score_has_the_stated_keys_and_the_detector_passes_it() {
     let (_dir, json) = scratch("score.json");
-    let args = ["edges", &scene("edges/tiny-spheres.xml"), "--score", "6", "--json", json.to_str().unwrap()];
+    let args = ["edges", &scene("edges/tiny-spheres.xml"), "--score", "16", "--json", json.to_str().unwrap()];
     let out = dualux(&args);
     assert!(out.status.success(), "{}", stderr(&out));
     let text = std::fs::read_to_string(&json).expect("written");
@@ -126,9 +126,9 @@ fn a_score_has_the_stated_keys_and_the_detector_passes_it() {
         }
         assert!(one["cost_ratio"].as_f64().unwrap() > 0.0);
     }
-    // `bounds` is exact here; the neighbours pass over what is smaller than their distance.
-    assert!(list[0]["recall"].as_f64().unwrap() >= 0.9999, "{text}");
-    assert!(list[1]["recall"].as_f64().unwrap() < 0.995, "the companion must fail: {text}");
+    // `bounds` is exact here; the neighbours pass over some of what is smaller than their distance.
+    let recall = [0, 1].map(|k: usize| list[k]["recall"].as_f64().unwrap());
+    assert!(recall[0] == 1.0 && recall[1] < 1.0 && recall[1] > 0.9, "{text}");
 }
 
 #[test]

@@ -105,8 +105,9 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
     let (question, frame, window) = match (args.light, args.emission) {
         (Some(k), _) => (Question::Light(light("--light", k)?, k), [scene.film.width, scene.film.height], crop),
         (None, Some(k)) => {
-            let cells = Unrolled::new(&scene, light("--emission", k)?, u32::from(args.cells))
-                .ok_or_else(|| format!("--emission {k}: only flat lights have an emission map"))?;
+            let cells = Unrolled::new(&scene, light("--emission", k)?, u32::from(args.cells)).ok_or_else(|| {
+                format!("--emission {k}: only flat lights, and meshes of at most 64 triangles, have an emission map")
+            })?;
             let size = cells.size();
             (Question::Emission(cells, k), [size; 2], [0, 0, size, size])
         }

@@ -74,6 +74,11 @@ fn ellipse<T: Real<Primitive = f64>>(ray: &Ray<T>, e: &Circle) -> T {
     nd * nd - x * x - y * y
 }
 
+/// The same for the ray at p.
+pub fn ellipse_at(view: &View, e: &Circle, p: [f64; 2]) -> f64 {
+    ellipse(&view.ray_at(p), e)
+}
+
 impl Curved {
     /// `None` if it does not reach the footprint.
     pub fn new(view: &View, shape: &Shape, test: Test, order: usize) -> Option<Self> {

@@ -4,11 +4,11 @@
 //! depth does not matter, an edge counts where nothing else covers the footprint just beyond it, so that two surfaces which close
 //! up, or cross, cast one shadow. Both are intervals of the edge's chord ([`Gaps`]); what a family with fixed origin or direction
 //! sees of polygons is exact to rounding.
-//! Not handled: depth swaps with disks and cylinders, or of one mesh with itself where the two triangles share a corner.
+//! Not handled: depth swaps of one mesh with itself where the two triangles share a corner.
 
 use super::chord::{Chord, Gaps, clip, keep, keep_affine};
 use super::curved::{Border, Surface, arcs};
-use super::gather::Surfaces;
+use super::gather::{Facet, Surfaces};
 use super::kinds::{Events, Kinds};
 use super::polygon::Polygon;
 use super::view::{Affine, Domain, View, at, from_dual, range};
@@ -224,6 +224,10 @@ impl<'a> Detection<'a> {
         let neighbour = mesh.neighbors[polygon.prim as usize][k];
         if neighbour == u32::MAX {
             return Some(Kinds::BOUNDARY);
+        }
+        // The facet a point is lit on is left out, and lies in the horizon: what joins it there ends there, to rounding.
+        if self.mode == Mode::Shadow && self.surfaces.exclude[0] == (Facet { shape: polygon.shape, prim: neighbour }) {
+            return Some(Kinds::SILHOUETTE);
         }
         // The surface folds back if the neighbour's far corner is seen on the same side of the edge.
         let corners = mesh.corners(polygon.prim);

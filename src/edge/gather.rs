@@ -49,6 +49,8 @@ pub struct Surfaces<'a> {
     pub hull: Option<Hull>,
     /// The beam's present end.
     pub limit: f32,
+    /// Its depth key.
+    last: f64,
     /// Triangles and rectangles.
     pub polygons: SmallVec<[Polygon; FEW_POLYGONS]>,
     /// The others.
@@ -78,6 +80,7 @@ impl<'a> Surfaces<'a> {
             ground,
             hull: None,
             limit,
+            last: view.keys[1],
             polygons: SmallVec::new(),
             curved: SmallVec::new(),
             covered: false,
@@ -106,8 +109,12 @@ impl<'a> Surfaces<'a> {
         if self.ground.is_some_and(|n| in_plane(n, self.view.origin(), points)) {
             return ControlFlow::Continue(());
         }
-        // The plane's key is affine: the farthest point is a corner.
-        if polygon.covers && self.covered_at(shape, self.view.t_of(range(&polygon.key).1)).is_break() {
+        // The plane's key is affine: nearest and farthest points are corners.
+        let (nearest, farthest) = range(&polygon.key);
+        if nearest > self.last {
+            return ControlFlow::Continue(());
+        }
+        if polygon.covers && self.covered_at(shape, self.view.t_of(farthest)).is_break() {
             return ControlFlow::Break(());
         }
         self.polygons.push(polygon);
@@ -127,6 +134,7 @@ impl<'a> Surfaces<'a> {
             }
         } else if t > 0.0 {
             self.limit = self.limit.min((t * (1.0 + 1e-6)) as f32);
+            self.last = self.last.min(self.view.key(t * (1.0 + 1e-6)));
         }
         ControlFlow::Continue(())
     }

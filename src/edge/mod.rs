@@ -15,7 +15,7 @@
 //!
 //! Source: DESIGN.md section 1, METHODS.md 3.B; Namae and Makino for the corner test. Exact to rounding for polygons and quadrics where the
 //! origin or the direction is fixed.
-//! Not handled: caustic folds, depth swaps with disks and cylinders.
+//! Not handled: caustic folds, depth swaps of a mesh with itself at a shared corner.
 pub mod chain;
 pub mod chord;
 mod curved;

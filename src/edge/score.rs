@@ -130,8 +130,9 @@ pub fn emission_truth(detector: &EdgeDetector, cells: &Unrolled, n: usize) -> Ve
     let size = cells.size();
     let start = 1e-6 * f64::from(detector.scene.bounds.1);
     let one = |i: u32| {
-        let view = cells.view(i % size, i / size)?.within([start, f64::INFINITY]);
-        Some(oracle::sight(detector.scene, detector.accel, &view, n))
+        let mut views = cells.views(i % size, i / size).map(|(view, _)| view.within([start, f64::INFINITY])).peekable();
+        views.peek()?;
+        Some(views.any(|view| oracle::sight(detector.scene, detector.accel, &view, n)))
     };
     (0..size * size).into_par_iter().map(one).collect()
 }
@@ -140,14 +141,14 @@ pub fn emission_truth(detector: &EdgeDetector, cells: &Unrolled, n: usize) -> Ve
 pub fn emission_cost(detector: &EdgeDetector, cells: &Unrolled) -> (f64, f64) {
     let size = cells.size();
     medians(runs([0, 0, size, size]).filter_map(|pixels| {
-        let views: Vec<_> = pixels.iter().filter_map(|&(x, y)| cells.view(x, y)).collect();
+        let views: Vec<_> = pixels.iter().flat_map(|&(x, y)| cells.views(x, y)).collect();
         if views.is_empty() {
             return None;
         }
-        let query = time(&views, |view| {
-            black_box(detector.any(view, Some(cells.facet())));
+        let query = time(&views, |(view, facet)| {
+            black_box(detector.any(view, Some(*facet)));
         });
-        let ray = time(&views, |view| {
+        let ray = time(&views, |(view, _)| {
             let r = view.ray_at([0.0; 2]);
             let (o, d) = (from_dual(r.o).as_vec3(), from_dual(r.d).as_vec3());
             black_box(detector.accel.closest(&Ray { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY }));

@@ -15,6 +15,7 @@ use crate::math::{DMat4, DVec3, Vec3};
 use crate::scene::description::{
     CameraDesc, Description, FilmDesc, GeometryDesc, IntegratorDesc, Projection, ShapeDesc,
 };
+use crate::scene::mesh::MeshData;
 use crate::scene::{Color, Material, Scene};
 use dualux_dual::Family;
 
@@ -115,4 +116,20 @@ pub(super) fn soup(rng: &mut Rng, n: usize, kinds: usize) -> Vec<ShapeDesc> {
         DMat4::from_translation(DVec3::new(0.5, 0.2, 0.0)) * DMat4::from_rotation_y(0.7),
     ));
     shapes
+}
+
+/// A closed smooth mesh: a torus of n x m quadrilaterals round z, radii 1 and 0.4.
+pub(super) fn torus(n: usize, m: usize) -> MeshData {
+    let mut data = MeshData::default();
+    for i in 0..n {
+        for j in 0..m {
+            let (a, b) = (i as f32 / n as f32 * std::f32::consts::TAU, j as f32 / m as f32 * std::f32::consts::TAU);
+            let r = 1.0 + 0.4 * b.cos();
+            data.positions.push(Vec3::new(r * a.cos(), r * a.sin(), 0.4 * b.sin()));
+            let at = |i: usize, j: usize| ((i % n) * m + j % m) as u32;
+            data.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            data.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    data
 }

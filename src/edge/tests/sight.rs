@@ -1,13 +1,12 @@
 //! What a footprint with one origin sees.
 
-use super::{Rng, ball, quad, random_view, scene, shape, soup};
+use super::{Rng, ball, quad, random_view, scene, shape, soup, torus};
 use crate::accel::Accel;
 use crate::accel::footprint::Visitor;
 use crate::edge::view::{View, line, to_dual};
 use crate::edge::{EdgeDetector, Kinds, Settings, Verdict, oracle};
 use crate::math::{DMat4, DVec3, Vec3};
 use crate::scene::description::GeometryDesc;
-use crate::scene::mesh::MeshData;
 use dualux_dual::num_dual::DualSVec64;
 use dualux_dual::{Family, Jet, Neighbours, Test, margins};
 use std::collections::BTreeSet;
@@ -143,10 +142,10 @@ fn bounds_miss_no_edge_of_polygons_and_spheres() {
 }
 
 #[test]
-fn bounds_miss_of_disks_and_cylinders_only_where_they_cross_others() {
-    // Depth swaps with disks and cylinders are not looked for.
-    let (edges, flagged, both, missed) = sight_score(3, 5, 3000, Settings::default());
-    assert!(missed * 50 <= edges, "{missed} of {edges} missed");
+fn bounds_miss_next_to_nothing_of_disks_and_cylinders() {
+    // Where a cylinder crosses a cylinder or sphere, their order is asked of five rays.
+    let (edges, flagged, both, missed) = sight_score(3, 5, 6000, Settings::default());
+    assert!(edges > 1000 && missed * 300 <= edges, "{missed} of {edges} missed");
     assert!(both * 100 >= flagged * 85, "precision {both} of {flagged}");
 }
 
@@ -154,26 +153,14 @@ fn bounds_miss_of_disks_and_cylinders_only_where_they_cross_others() {
 fn corner_prediction_misses_what_lies_between_the_corners() {
     let settings = Settings { test: Test::Corners(Neighbours::Corners), ..Settings::default() };
     let (edges, _, both, _) = sight_score(3, 5, 3000, settings);
-    assert!(both * 100 < edges * 97, "the companion must fail: {both} of {edges}");
+    assert!(both * 100 < edges * 98, "the companion must fail: {both} of {edges}");
 }
 
 #[test]
 fn nothing_fires_inside_a_smooth_mesh_a_sphere_or_a_wall() {
-    // A torus of 64 x 48 quads, seen in the middle of its front; a wall of 2 x 2 coplanar triangles pairs.
-    let (n, m) = (192, 96);
-    let mut data = MeshData::default();
-    for i in 0..n {
-        for j in 0..m {
-            let (a, b) = (i as f32 / n as f32 * std::f32::consts::TAU, j as f32 / m as f32 * std::f32::consts::TAU);
-            let r = 1.0 + 0.4 * b.cos();
-            data.positions.push(Vec3::new(r * a.cos(), r * a.sin(), 0.4 * b.sin()));
-            let at = |i: usize, j: usize| ((i % n) * m + j % m) as u32;
-            data.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
-            data.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
-        }
-    }
+    // A torus, seen in the middle of its front; a ball; a wall of coplanar triangles.
     let (scene, accel) = scene(vec![
-        shape(GeometryDesc::Mesh(data), DMat4::IDENTITY),
+        shape(GeometryDesc::Mesh(torus(192, 96)), DMat4::IDENTITY),
         ball(DVec3::new(4.0, 0.0, 0.0), 0.8),
         shape(GeometryDesc::Cube, DMat4::from_translation(DVec3::new(-5.0, 0.0, 0.0))),
     ]);
