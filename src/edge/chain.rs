@@ -13,7 +13,7 @@ use super::{EdgeDetector, Facet, NOTHING, surface};
 use crate::accel::{Hit, Ray as PlainRay};
 use crate::scene::shape::ShapeHit;
 use crate::scene::{Geometry, Material, SurfacePoint};
-use dualux_dual::{Jet, Ray, Vec3, face_against, reflect, refract};
+use dualux_dual::{Jet, Ray, Vec3, bounds, face_against, reflect, refract};
 
 /// Segments followed behind a pixel, at most.
 pub const MOST_SEGMENTS: usize = 8;
@@ -89,8 +89,7 @@ impl EdgeDetector<'_> {
                 Optics::Glass(eta) => {
                     let bent = refract(ray.d, n, if outside { 1.0 / eta } else { eta });
                     let margin = bent.margin.expansion();
-                    let reach: f64 = margin.gradient.iter().map(|g| g.abs()).sum();
-                    if !(margin.value.abs() > grow * reach) {
+                    if bounds(&margin) {
                         found.kinds |= Kinds::TOTAL_REFLECTION;
                         found.distance = found.distance.min(margin.distance());
                     }

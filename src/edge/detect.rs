@@ -8,7 +8,7 @@
 
 use super::chord::{Chord, Gaps, clip, keep, keep_affine};
 use super::curved::{Border, Surface, arcs};
-use super::gather::{Facet, Surfaces};
+use super::gather::{Facet, Surfaces, in_plane};
 use super::kinds::{Events, Kinds};
 use super::polygon::Polygon;
 use super::view::{Affine, Domain, View, at, from_dual, range};
@@ -225,9 +225,14 @@ impl<'a> Detection<'a> {
         if neighbour == u32::MAX {
             return Some(Kinds::BOUNDARY);
         }
-        // The facet a point is lit on is left out, and lies in the horizon: what joins it there ends there, to rounding.
-        if self.mode == Mode::Shadow && self.surfaces.exclude[0] == (Facet { shape: polygon.shape, prim: neighbour }) {
-            return Some(Kinds::SILHOUETTE);
+        // The facet a point is lit on, and what lies in its plane, is left out and lies in the horizon: what joins it ends there, to
+        // rounding.
+        if self.mode == Mode::Shadow {
+            let plane = |n| in_plane(n, self.view.origin(), &mesh.corners(neighbour).map(|c| c.as_dvec3()));
+            let own = Facet { shape: polygon.shape, prim: neighbour };
+            if self.surfaces.exclude[0] == own || self.surfaces.ground.is_some_and(plane) {
+                return Some(Kinds::SILHOUETTE);
+            }
         }
         // The surface folds back if the neighbour's far corner is seen on the same side of the edge.
         let corners = mesh.corners(polygon.prim);

@@ -160,7 +160,7 @@ impl<'a> Surfaces<'a> {
 }
 
 /// Whether all points lie in a plane, to the rounding of coordinates in f32.
-fn in_plane(n: DVec3, p: DVec3, points: &[DVec3]) -> bool {
+pub fn in_plane(n: DVec3, p: DVec3, points: &[DVec3]) -> bool {
     let largest = points.iter().fold(p.abs(), |m, x| m.max(x.abs())).max_element();
     let tolerance = 8.0 * f64::from(f32::EPSILON) * largest;
     points.iter().all(|x| n.dot(*x - p).abs() <= tolerance)

@@ -302,7 +302,8 @@ impl<const N: usize> Predictor<'_, N> {
                 let (own, start) = (hit.shape == e.shape, hit.shape == self.exclude.shape);
                 // A curved surface is met before its silhouette; the surface that the rays start from, by rounding.
                 let slack = if own { 1.0 / BEHIND } else { 1.0 - 1e-3 };
-                !(own && e.s.is_none()) && !start && f64::from(hit.t) < at * slack
+                let counts = !start && (!own || e.s.is_some());
+                counts && f64::from(hit.t) < at * slack
             };
             if !detector.accel.closest(&ray).is_some_and(|hit| nearer(&hit)) {
                 return true;
