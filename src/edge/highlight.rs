@@ -3,7 +3,7 @@
 //! Margin: `(n.H)^2 - c^2 n.n H.H`, H = d + |d| w, of the half vector between light (d) and viewer (w): `dualux_dual::margins::half_vector`,
 //! with the cosine c at which the distribution of microfacet normals falls to [`TAU`] of its peak. GGX: METHODS 3.B. Beckmann,
 //! `D ~ exp(-tan^2 / alpha^2) / cos^4`: `c^2 = 1 / (1 + alpha^2 x)`, x from `x = ln(1 / tau) + 2 ln(1 + alpha^2 x)`.
-//! The root in H makes it a prediction to second order; the light is looked at in [`PARTS`]^2 parts.
+//! The root in H makes it a prediction to second order; the light is looked at in `PARTS`^2 parts.
 //!
 //! Not handled: textured and anisotropic roughness (its larger value counts), masks and mixtures, Fresnel and masking factors.
 

@@ -5,7 +5,7 @@
 //! derivatives, taken once, serve all lines. An edge counts if its margin can vanish while the foot of the ray on the edge can lie
 //! between a and b and in front, all three asked of their ranges over the parameters: `[-1,1]`^N, or the unit disk in the last two
 //! (a lens). Whether a mesh edge is a silhouette is asked for the whole range of origins (`may_be_silhouette`). A sphere counts if
-//! `|m x d|`, whose vector is affine to first order, can be as large as R |d|. Rims are polygons of [`RIM`] sides.
+//! `|m x d|`, whose vector is affine to first order, can be as large as R |d|. Rims are polygons of `RIM` sides.
 //!
 //! Hidden: what lies behind a flat surface that covers the footprint, or behind the surface that the centre ray meets if that has no
 //! edge here; what is left is looked at with real rays of the family at points where the margin vanishes, and dropped if
