@@ -23,7 +23,11 @@ fn main() {
 
     // Many footprints, scored against 16 x 16 real rays each.
     let mut rng = Rng::new(1);
-    let views: Vec<_> = (0..4000).map(|_| rng.family(eye, vec3(0.0, 0.05, 1.0) + rng.cube(0.1), 0.02).into()).collect();
+    let one = |_| {
+        let d = vec3(0.0, 0.05, 1.0) + rng.cube(0.1);
+        rng.family(eye, d, 0.02).into()
+    };
+    let views: Vec<_> = (0..4000).map(one).collect();
     println!("bounds\n{}", scene.score(&views, Test::Bounds, 2, 16));
     println!("corners\n{}", scene.score(&views, Test::Corners(Neighbours::CornersAndSides), 2, 16));
 }
