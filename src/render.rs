@@ -65,6 +65,10 @@ pub struct Progress {
 pub trait Observer: Sync {
     /// A tile of some pass is done; called from any thread.
     fn tile_done(&self) {}
+    /// Share of a budget of its own that is spent; the render ends at 1, as at the deadline. Called from any thread.
+    fn spent(&self) -> f64 {
+        0.0
+    }
     /// A pass is done. `film` assembles the picture so far, which costs a copy.
     fn pass_done(&mut self, passes: u64, counts: &Counts, film: &dyn Fn() -> Film) {
         let _ = (passes, counts, film);
@@ -162,21 +166,25 @@ pub fn render(
     let window = settings.window;
     let filter = FilterSampler::new(scene.film.filter);
     let mut tiles = make_tiles(window, settings.features);
-    let over = || stop.load(Ordering::Relaxed) || settings.deadline.is_some_and(|d| Instant::now() >= d);
     // What is prepared for the first pass may take half of the time.
     let begin = Instant::now();
     let middle = settings.deadline.map(|d| begin + d.saturating_duration_since(begin) / 2);
-    let hurry = || stop.load(Ordering::Relaxed) || middle.is_some_and(|m| Instant::now() >= m);
+    let past = |time: Option<Instant>| time.is_some_and(|t| Instant::now() >= t);
     let coarse = |x: u32, y: u32| x.is_multiple_of(COARSE_BLOCK) && y.is_multiple_of(COARSE_BLOCK);
 
     let mut passes = 0;
-    while settings.passes.is_none_or(|n| passes < n) && (passes == 0 || !over()) {
+    while settings.passes.is_none_or(|n| passes < n) {
+        let watcher: &dyn Observer = observer;
+        let over = || stop.load(Ordering::Relaxed) || past(settings.deadline) || watcher.spent() >= 1.0;
+        let hurry = || stop.load(Ordering::Relaxed) || past(middle) || watcher.spent() >= 0.5;
+        if passes > 0 && over() {
+            break;
+        }
         integrator.prepare(passes, if passes == 0 { &hurry } else { &over });
         let job = Job { scene, integrator: &*integrator, filter: &filter, seed: settings.seed };
         if passes == 0 {
             tiles.par_iter_mut().for_each(|tile| job.run(tile, window, 0, coarse));
         }
-        let watcher: &dyn Observer = observer;
         tiles.par_iter_mut().for_each(|tile| {
             if over() {
                 return;
@@ -192,13 +200,13 @@ pub fn render(
             break;
         }
         passes += 1;
-        observer.pass_done(passes, &counts(&tiles), &|| assemble(&tiles, window));
+        observer.pass_done(passes, &counts(&tiles, integrator), &|| assemble(&tiles, window));
         if passes.is_power_of_two() && integrator.learns() {
             integrator.learn(&assemble(&tiles, window));
         }
     }
     let invalid = tiles.iter().flat_map(|t| &t.invalid).copied().take(KEPT_INVALID).collect();
-    Progress { film: assemble(&tiles, window), passes, counts: counts(&tiles), invalid }
+    Progress { film: assemble(&tiles, window), passes, counts: counts(&tiles, integrator), invalid }
 }
 
 fn make_tiles([x0, y0, width, height]: [u32; 4], features: bool) -> Vec<Tile> {
@@ -216,8 +224,9 @@ fn make_tiles([x0, y0, width, height]: [u32; 4], features: bool) -> Vec<Tile> {
         .collect()
 }
 
-fn counts(tiles: &[Tile]) -> Counts {
-    let mut sum = Counts::default();
+/// What samples and preparations have counted so far.
+fn counts(tiles: &[Tile], integrator: &dyn Integrator) -> Counts {
+    let mut sum = integrator.prepared();
     tiles.iter().for_each(|t| sum += t.counts);
     sum
 }

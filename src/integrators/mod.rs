@@ -60,6 +60,11 @@ pub trait Integrator: Sync {
         let _ = (pass, over);
     }
 
+    /// What preparing has counted so far, all passes together: photons emitted, rays traced for maps and caches.
+    fn prepared(&self) -> Counts {
+        Counts::default()
+    }
+
     /// Samples that pass `pass` takes in the pixel at column `x` and row `y` of the full image; at least one in pass 0.
     fn samples(&self, x: u32, y: u32, pass: u64) -> u32 {
         let _ = (x, y, pass);

@@ -108,10 +108,11 @@ impl Watch<'_> {
 }
 
 impl Observer for Watch<'_> {
-    fn tile_done(&self) {
-        let spent = matches!(self.budget, Budget::Time(limit) if self.clock.times().0 >= limit);
-        if spent || self.user_stop.load(Ordering::Relaxed) {
-            self.stop.store(true, Ordering::Relaxed);
+    fn spent(&self) -> f64 {
+        match self.budget {
+            _ if self.user_stop.load(Ordering::Relaxed) => 1.0,
+            Budget::Time(limit) => self.clock.times().0.as_secs_f64() / limit.as_secs_f64(),
+            Budget::Passes(_) | Budget::Photons(_) => 0.0,
         }
     }
 

@@ -49,6 +49,11 @@ impl<'a> Caustics<'a> {
         Some(Caustics { world, density, map })
     }
 
+    /// Photons emitted in each pass.
+    pub fn emitted(&self) -> u64 {
+        self.density.count() as u64
+    }
+
     /// The photons of a pass.
     pub fn map(&self, pass: u64) -> CausticMap {
         CausticMap::build(self.world, self.density.as_ref(), &self.map, pass)

@@ -44,6 +44,8 @@ pub struct Photon<'a> {
     caustics: Option<Caustics<'a>>,
     /// Caustic photons of this pass.
     map: Option<CausticMap>,
+    /// Photons emitted in all passes so far.
+    emitted: u64,
     cache: Option<IrradianceCache<'a>>,
     /// Whether the cache holds the light of the environment too.
     sky: bool,
@@ -61,7 +63,7 @@ impl<'a> Photon<'a> {
         let sky = cached && gather_sky::is_gathered(&world);
         let direct = Direct::new(world, DirectSettings { diffuse_environment: !sky, ..settings.direct });
         let caustics = Caustics::new(world, &settings, window[2] as usize * window[3] as usize);
-        Photon { world, settings, window, direct, caustics, map: None, cache, sky, samples: Vec::new() }
+        Photon { world, settings, window, direct, caustics, map: None, emitted: 0, cache, sky, samples: Vec::new() }
     }
 
     /// Records for what the eye sees: coarse to fine, with a smaller bound of the error as passes go on.
@@ -110,7 +112,18 @@ impl Integrator for Photon<'_> {
             };
         }
         self.map = self.caustics.as_ref().map(|c| c.map(pass));
+        self.emitted += self.caustics.as_ref().map_or(0, Caustics::emitted);
         self.fill_cache(pass, over);
+    }
+
+    fn prepared(&self) -> Counts {
+        let mut counts = Counts { photons: self.emitted, ..Counts::default() };
+        if let Some(cache) = &self.cache {
+            let s = cache.statistics();
+            counts.rays = s.record_rays.rays + s.surfel_rays.rays;
+            counts.shadow_rays = s.record_rays.shadow_rays + s.surfel_rays.shadow_rays;
+        }
+        counts
     }
 
     fn samples(&self, x: u32, y: u32, pass: u64) -> u32 {
