@@ -18,9 +18,10 @@
 //! Source      Ward, Rubinstein, Clear 1988; Ward and Heckbert 1992 (gradients); Schwarzhaupt, Jensen, Jarosz 2012 (radii);
 //!             Krivanek et al. 2006 (limits)
 //! Bias        that of the interpolation; goes to 0 with a
-//! Verified by `gather_tests.rs`
+//! Verified by tests/irradiance_cache.rs
 
-use super::gather_cache::{SECTORS, sector};
+use super::cache_file::stored;
+use super::gather_cache::{Riser, SECTORS, sector};
 use super::gather_strata::Estimate;
 use crate::math::{Frame, Rgb, Vec2, Vec3, luminance};
 
@@ -34,6 +35,9 @@ const MAX_RATIO: f32 = 3.0;
 const THICKNESS: f32 = 0.35;
 /// Greatest height in front of a record, in mean radii (Ward's in-front test with its tolerance).
 const FRONT: f32 = 0.05;
+
+/// What stands on the foot of a rising surface is before it: tolerance for the rounding of its packed normal.
+const FOOT: f32 = 5e-5;
 
 /// A record as look-ups use it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,9 +54,11 @@ pub struct Record {
     pub translation: [Rgb; 2],
     /// Derivative by the normal's components along `s` and `t`.
     pub rotation: [Rgb; 2],
-    /// How far it may reach in the sectors of its plane, counted from `s`.
-    pub reach: [f32; SECTORS],
+    /// What rises in the sectors of its plane, counted from `s`.
+    pub risers: [Riser; SECTORS],
 }
+
+stored!(Record { p, frame, radii, irradiance, translation, rotation, risers });
 
 /// Limits of radii.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,7 +80,7 @@ impl Record {
         frame: &Frame,
         e: &Estimate,
         limits: &RadiusLimits,
-        reach: impl Fn(&Frame) -> [f32; SECTORS],
+        risers: impl Fn(&Frame) -> [Riser; SECTORS],
     ) -> Self {
         let [ss, st, tt] = e.hessian;
         let (mean, half) = (0.5 * (ss + tt), 0.5 * (ss - tt));
@@ -104,7 +110,7 @@ impl Record {
             irradiance: e.irradiance,
             translation,
             rotation: turn(e.rotation),
-            reach: reach(&frame),
+            risers: risers(&frame),
         }
     }
 
@@ -144,7 +150,15 @@ impl Record {
         if !(d < BORDER) || 0.5 * (local.z + (p - self.p).dot(n_geo)) < -FRONT * mean {
             return None;
         }
-        let free = along == Vec2::ZERO || along.length() <= self.reach[sector(along)];
+        if along == Vec2::ZERO {
+            return Some(d);
+        }
+        // The neighbours as well: where a wall runs along the border of two sectors, only one may have seen it.
+        let k = sector(along) + SECTORS;
+        let free = [k - 1, k, k + 1].into_iter().all(|k| {
+            let riser = &self.risers[k % SECTORS];
+            along.dot(riser.normal) >= riser.offset - FOOT * along.length()
+        });
         free.then_some(d)
     }
 

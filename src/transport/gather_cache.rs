@@ -6,9 +6,10 @@
 //! Source      Yue, Onoue and Nishita, "Extended irradiance caching" (stored hits); METHODS.md section 4
 //! Rays        directions of `gather_strata.rs`, jittered and turned at random per record, keyed by its number
 //! Bias        none of its own: that of the surfels' irradiance
-//! Verified by `gather_tests.rs`: against brute force, relighting without a ray
+//! Verified by tests/irradiance_cache.rs: against brute force, relighting without a ray
 
 use super::World;
+use super::cache_file::{Stored, stored};
 use super::gather_ray::{GlossyVertex, RayCounts, glossy_direct};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
@@ -23,6 +24,8 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 pub const NO_SURFEL: u32 = u32::MAX;
 /// Directions along the surface in which a record knows how far it may reach.
 pub const SECTORS: usize = 16;
+/// Sine of the least slope, against the record's plane, of what rises from it.
+const STEEP: f32 = 0.5;
 /// Records that one task gathers for.
 const CHUNK: usize = 4;
 /// Streams of random numbers.
@@ -31,6 +34,23 @@ const JITTER: u64 = 0x6a2;
 const CHAIN: u64 = 0x6a3;
 const GLOSSY: u64 = 0x6a4;
 const SKY: u64 = 0x6a5;
+
+/// A surface that rises from the plane of a record: points with `normal . x < offset` lie behind it. In the tangent plane,
+/// relative to the record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Riser {
+    /// Its normal, projected and normalised.
+    pub normal: Vec2,
+    /// Of its trace in the plane; not positive unless the record itself is behind it.
+    pub offset: f32,
+}
+
+stored!(Riser { normal, offset });
+
+impl Riser {
+    /// Nothing rises.
+    pub const NONE: Riser = Riser { normal: Vec2::ZERO, offset: f32::NEG_INFINITY };
+}
 
 /// What a gather ray of a record has hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +67,8 @@ pub struct GatherHit {
     pub packed_normal: u32,
 }
 
+stored!(GatherHit { direction, inverse_distance, weight, surfel, packed_normal });
+
 impl GatherHit {
     /// Geometric normal at the end, towards the ray.
     pub fn normal(&self) -> Vec3 {
@@ -54,18 +76,21 @@ impl GatherHit {
     }
 }
 
+/// Steps of a packed component: an even number, so that 0 is exact.
+const STEPS: f32 = 65534.0;
+
 /// Octahedral map of a unit vector to twice 16 bits (error below 1e-4).
 pub fn pack_normal(n: Vec3) -> u32 {
     let q = n.truncate() / (n.x.abs() + n.y.abs() + n.z.abs());
     let fold = Vec2::new((1.0 - q.y.abs()).copysign(q.x), (1.0 - q.x.abs()).copysign(q.y));
     let q = if n.z < 0.0 { fold } else { q };
-    let [x, y] = [q.x, q.y].map(|c| ((c * 0.5 + 0.5) * 65535.0).round() as u32);
+    let [x, y] = [q.x, q.y].map(|c| ((c * 0.5 + 0.5) * STEPS).round() as u32);
     x | y << 16
 }
 
 /// Inverse of [`pack_normal`].
 pub fn unpack_normal(packed: u32) -> Vec3 {
-    let [x, y] = [packed & 0xffff, packed >> 16].map(|c| c as f32 * (2.0 / 65535.0) - 1.0);
+    let [x, y] = [packed & 0xffff, packed >> 16].map(|c| c as f32 * (2.0 / STEPS) - 1.0);
     let z = 1.0 - x.abs() - y.abs();
     let t = (-z).max(0.0);
     Vec3::new(x - t.copysign(x), y - t.copysign(y), z).normalize()
@@ -78,6 +103,7 @@ pub struct GatherCache {
     pub strata: Strata,
     /// Rays traced.
     pub counts: RayCounts,
+    rays: u32,
     seed: u64,
     places: Vec<Facet>,
     hits: Vec<GatherHit>,
@@ -111,6 +137,7 @@ impl GatherCache {
         GatherCache {
             strata: Strata::new(rays),
             counts: RayCounts::default(),
+            rays,
             seed,
             places: Vec::new(),
             hits: Vec::new(),
@@ -170,18 +197,9 @@ impl GatherCache {
                 self.hits.push(hit);
             }
         }
-        let (rows, columns) = (self.strata.rows, self.strata.columns);
+        let n = self.strata.len();
         for record in records {
-            let hits = &self.hits[record * rows * columns..][..rows * columns];
-            for j in 0..rows {
-                for k in 0..columns {
-                    let here = &hits[j * columns + k];
-                    let before = &hits[j * columns + (k + columns - 1) % columns];
-                    let beyond = hits.get((j + 1) * columns + k);
-                    let outward = beyond.map_or(0.0, |b| Strata::inverse_depth(here, b));
-                    self.depths.push([Strata::inverse_depth(before, here), outward]);
-                }
-            }
+            self.depths.extend(self.strata.depths(&self.hits[record * n..][..n]));
         }
     }
 
@@ -283,19 +301,26 @@ impl GatherCache {
         chunks.into_iter().flatten().collect()
     }
 
-    /// How far a record may reach along the surface in each sector of its tangent plane: up to what rises there.
-    /// Sectors are counted from `frame.s`.
-    pub fn reach(&self, record: usize, frame: &Frame) -> [f32; SECTORS] {
-        let mut reach = [f32::INFINITY; SECTORS];
+    /// What rises from the surface around a record, in each sector of its tangent plane counted from `frame.s`: the nearest
+    /// surface that a low ray has hit.
+    pub fn risers(&self, record: usize, frame: &Frame) -> [Riser; SECTORS] {
+        let mut risers = [Riser::NONE; SECTORS];
+        let mut nearest = [f32::INFINITY; SECTORS];
         for hit in self.hits(record) {
-            let local = frame.to_local(hit.direction);
-            let along = local.truncate();
-            if hit.inverse_distance > 0.0 && along.length_squared() > local.z * local.z {
-                let r = &mut reach[sector(along)];
-                *r = r.min(along.length() / hit.inverse_distance);
+            let direction = frame.to_local(hit.direction);
+            let (along, normal) = (direction.truncate(), frame.to_local(hit.normal()).truncate());
+            let low = along.length_squared() > direction.z * direction.z;
+            if hit.inverse_distance > 0.0 && low && normal.length_squared() > STEEP * STEEP {
+                let at = along / hit.inverse_distance;
+                let k = sector(along);
+                if at.length() < nearest[k] {
+                    nearest[k] = at.length();
+                    let normal = normal.normalize();
+                    risers[k] = Riser { normal, offset: at.dot(normal) };
+                }
             }
         }
-        reach
+        risers
     }
 
     /// Harmonic mean of the distances of a record's hits, infinite if it sees nothing.
@@ -316,4 +341,31 @@ pub fn sector(v: Vec2) -> usize {
         t
     };
     ((turn * (SECTORS as f32 / 4.0)) as usize).min(SECTORS - 1)
+}
+
+impl Stored for GatherCache {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.rays.put(out);
+        self.counts.put(out);
+        self.seed.put(out);
+        self.places.put(out);
+        self.hits.put(out);
+        self.glossy.put(out);
+        self.scattered.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let rays = u32::take(from)?;
+        let counts = RayCounts::take(from)?;
+        let mut cache = GatherCache { counts, ..GatherCache::new(rays, u64::take(from)?) };
+        (cache.places, cache.hits) = (Vec::take(from)?, Vec::take(from)?);
+        (cache.glossy, cache.scattered) = (Vec::take(from)?, Vec::take(from)?);
+        let n = cache.strata.len();
+        if cache.hits.len() != n * cache.places.len() || cache.glossy.len() != cache.scattered.len() {
+            return None;
+        }
+        let depths: Vec<[f32; 2]> = cache.hits.chunks(n).flat_map(|hits| cache.strata.depths(hits)).collect();
+        cache.depths = depths;
+        Some(cache)
+    }
 }

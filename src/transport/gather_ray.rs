@@ -13,8 +13,9 @@
 //! Bias        the diffuse part answers with its albedo towards the ray, whatever the direction its light comes from (exact
 //!             for Lambert; a coat's transmittance for the incident direction is taken at its mean). Chains longer than
 //!             [`MAX_CHAIN`] end
-//! Verified by `gather_tests.rs`: closed furnaces with Lambert, mirror and mixed walls
+//! Verified by tests/irradiance_cache.rs: closed furnaces with Lambert, mirror and mixed walls
 
+use super::cache_file::stored;
 use super::{NEARLY_SPECULAR_ALPHA, World};
 use crate::accel::Ray;
 use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
@@ -64,6 +65,10 @@ pub struct RayCounts {
     /// Shadow rays.
     pub shadow_rays: u64,
 }
+
+stored!(RayCounts { rays, shadow_rays });
+stored!(SurfacePoint { p, p_error, n_geo, n_shade, uv, dp_du, dp_dv, shape, prim });
+stored!(GlossyVertex { at, wo, throughput });
 
 impl std::ops::AddAssign for RayCounts {
     fn add_assign(&mut self, o: RayCounts) {

@@ -122,8 +122,18 @@ impl Strata {
         if one_plane { 0.5 * (ia + ib) } else { ia.max(ib) }
     }
 
-    /// Irradiance and derivatives from the radiance of each hit. `depths` are the [`Self::inverse_depth`] of each hit to the
-    /// column before and to the row beyond.
+    /// [`Self::inverse_depth`] of each hit of a record to the column before and to the row beyond.
+    pub fn depths<'h>(&self, hits: &'h [GatherHit]) -> impl Iterator<Item = [f32; 2]> + use<'h> {
+        let n = self.columns;
+        hits.iter().enumerate().map(move |(i, here)| {
+            let (j, k) = (i / n, i % n);
+            let before = &hits[j * n + (k + n - 1) % n];
+            let outward = hits.get(i + n).map_or(0.0, |beyond| Self::inverse_depth(here, beyond));
+            [Self::inverse_depth(before, here), outward]
+        })
+    }
+
+    /// Irradiance and derivatives from the radiance of each hit. `depths` are [`Self::depths`] of the same hits.
     pub fn estimate(&self, radiance: &[Rgb], depths: &[[f32; 2]]) -> Estimate {
         let n = self.columns;
         let step = TAU / n as f32;
@@ -171,5 +181,126 @@ impl Strata {
         e.irradiance *= scale;
         e.rotation.iter_mut().for_each(|r| *r *= scale);
         e
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::DVec3;
+    use crate::math::polygon;
+    use crate::math::sampler::hash;
+    use crate::math::sampler::unit_f32;
+    use crate::transport::gather_cache::{NO_SURFEL, pack_normal};
+
+    /// Rectangle parallel to the floor at height `h`.
+    struct Plate {
+        low: [f64; 2],
+        high: [f64; 2],
+        h: f64,
+    }
+
+    impl Plate {
+        /// Irradiance that it sends to the floor at (x, y) if its radiance is 1.
+        fn irradiance(&self, x: f64, y: f64) -> f64 {
+            let ([x0, y0], [x1, y1]) = (self.low, self.high);
+            let corners = [[x0, y0], [x0, y1], [x1, y1], [x1, y0]].map(|[a, b]| DVec3::new(a - x, b - y, self.h));
+            polygon::irradiance(&corners, DVec3::Z).abs()
+        }
+
+        /// Gradient and second derivatives xx, xy, yy at the origin, by central differences.
+        fn derivatives(&self) -> [f64; 5] {
+            let (e, s) = (|x, y| self.irradiance(x, y), 1e-3);
+            [
+                (e(s, 0.0) - e(-s, 0.0)) / (2.0 * s),
+                (e(0.0, s) - e(0.0, -s)) / (2.0 * s),
+                (e(s, 0.0) - 2.0 * e(0.0, 0.0) + e(-s, 0.0)) / (s * s),
+                (e(s, s) - e(s, -s) - e(-s, s) + e(-s, -s)) / (4.0 * s * s),
+                (e(0.0, s) - 2.0 * e(0.0, 0.0) + e(0.0, -s)) / (s * s),
+            ]
+        }
+    }
+
+    /// Mean over `trials` of the estimates (irradiance, gradient, Hessian) at the origin, where direction `d` meets radiance
+    /// and 1 / distance as `scene` says.
+    fn mean_estimate(rays: u32, trials: u64, scene: impl Fn(Vec3) -> (f32, f32)) -> [f64; 6] {
+        let strata = Strata::new(rays);
+        let mut sum = [0.0; 6];
+        for trial in 0..trials {
+            let hits: Vec<(f32, GatherHit)> = (0..strata.len())
+                .map(|i| {
+                    let jitter = hash(hash(17, trial), i as u64);
+                    let direction = strata.direction(i, Vec2::new(unit_f32(jitter), unit_f32(jitter << 24)));
+                    let (l, inverse_distance) = scene(direction);
+                    let normal = if inverse_distance > 0.0 { -Vec3::Z } else { -direction };
+                    let (weight, surfel, packed_normal) = (Rgb::ONE, NO_SURFEL, pack_normal(normal));
+                    (l, GatherHit { direction, inverse_distance, weight, surfel, packed_normal })
+                })
+                .collect();
+            let depths: Vec<[f32; 2]> = strata.depths(&hits.iter().map(|h| h.1).collect::<Vec<_>>()).collect();
+            let radiance: Vec<Rgb> = hits.iter().map(|h| Rgb::splat(h.0)).collect();
+            let e = strata.estimate(&radiance, &depths);
+            let [gx, gy] = e.translation.map(|g| g.x);
+            let [xx, xy, yy] = e.hessian;
+            for (s, v) in sum.iter_mut().zip([e.irradiance.x, gx, gy, xx, xy, yy]) {
+                *s += f64::from(v) / trials as f64;
+            }
+        }
+        sum
+    }
+
+    fn compare(estimate: [f64; 6], irradiance: f64, derivatives: [f64; 5], tolerance: [f64; 3]) {
+        assert!((estimate[0] - irradiance).abs() < tolerance[0], "irradiance {} not {irradiance}", estimate[0]);
+        for (k, (got, want)) in estimate[1..].iter().zip(derivatives).enumerate() {
+            let limit = tolerance[if k < 2 { 1 } else { 2 }];
+            assert!((got - want).abs() < limit, "derivative {k}: {got}, not {want}");
+        }
+    }
+
+    #[test]
+    fn derivatives_of_a_lit_patch_of_a_wall_are_those_of_the_closed_form() {
+        // A bright patch painted on a black ceiling: all hits lie in one plane.
+        let patch = Plate { low: [-0.2, 0.1], high: [0.9, 1.3], h: 1.0 };
+        let scene = |d: Vec3| {
+            let p = d.as_dvec3() / f64::from(d.z);
+            let inside = p.x > patch.low[0] && p.x < patch.high[0] && p.y > patch.low[1] && p.y < patch.high[1];
+            (f32::from(u8::from(inside)), d.z)
+        };
+        let expected = patch.derivatives();
+        compare(mean_estimate(1024, 400, scene), patch.irradiance(0.0, 0.0), expected, [0.003, 0.02, 0.08]);
+        assert!(expected[2].abs() > 0.3 && expected[3].abs() > 0.3, "the test can fail: {expected:?}");
+    }
+
+    #[test]
+    fn derivatives_see_what_covers_the_light() {
+        // A bright sky behind a black plate: the outline of the plate moves, at the depth of the plate.
+        let plate = Plate { low: [-0.2, 0.1], high: [0.9, 1.3], h: 1.0 };
+        let scene = |d: Vec3| {
+            let p = d.as_dvec3() / f64::from(d.z);
+            let covered = p.x > plate.low[0] && p.x < plate.high[0] && p.y > plate.low[1] && p.y < plate.high[1];
+            if covered { (0.0, d.z) } else { (1.0, 0.0) }
+        };
+        let expected = plate.derivatives().map(|x| -x);
+        let e = std::f64::consts::PI - plate.irradiance(0.0, 0.0);
+        compare(mean_estimate(1024, 400, scene), e, expected, [0.003, 0.04, 0.15]);
+    }
+
+    #[test]
+    fn rotation_is_that_of_a_linear_sky_and_constant_light_has_no_derivatives() {
+        // L = 1 + d.x: E(n) = pi + (2 pi / 3) n.x.
+        let strata = Strata::new(1024);
+        let n = strata.columns;
+        let radiance: Vec<Rgb> =
+            (0..strata.len()).map(|i| Rgb::splat(1.0 + strata.direction(i, Vec2::splat(0.5)).x)).collect();
+        let depths = vec![[1.0; 2]; strata.len()];
+        let e = strata.estimate(&radiance, &depths);
+        // The patch below the new horizon is not seen by any ray: tan theta weighs 2/3 pi of it exactly.
+        assert!((e.rotation[0].x - 2.0 * PI / 3.0).abs() < 0.01, "{}", e.rotation[0]);
+        assert!(e.rotation[1].x.abs() < 1e-3);
+        let constant = strata.estimate(&vec![Rgb::ONE; strata.len()], &depths);
+        assert!((constant.irradiance.x - PI).abs() < 1e-5);
+        assert_eq!(constant.hessian, [0.0; 3]);
+        assert_eq!(constant.translation, [Rgb::ZERO; 2]);
+        assert!(constant.rotation[0].abs().max_element() < 1e-4 * n as f32);
     }
 }

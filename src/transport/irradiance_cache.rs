@@ -8,7 +8,7 @@
 //!             those of the geometry, bump maps do not turn them
 //! Not handled glossy receivers; scenes so finely structured that a record covers next to nothing ([`CacheStatistics::hopeless`])
 //! Determinism a function of the settings and of the calls, for any number of threads
-//! Verified by `gather_tests.rs`
+//! Verified by tests/irradiance_cache.rs
 //!
 //! # Use by an integrator
 //!
@@ -31,6 +31,7 @@
 //! ```
 
 use super::World;
+use super::cache_file::{Stored, stored};
 use super::cache_record::{BORDER, RadiusLimits, Record};
 use super::gather_cache::GatherCache;
 use super::gather_ray::RayCounts;
@@ -89,6 +90,8 @@ impl Default for CacheSettings {
         }
     }
 }
+
+stored!(CacheSettings { error, gather_rays, min_radius_pixels, max_radius, surfel_rays, light_samples, seed });
 
 /// A place where irradiance will be asked for.
 #[derive(Clone, Copy, Debug)]
@@ -156,6 +159,16 @@ impl<'a> IrradianceCache<'a> {
             left: 0,
             hopeless: false,
         }
+    }
+
+    /// The scene.
+    pub fn world(&self) -> &World<'a> {
+        &self.world
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &CacheSettings {
+        &self.settings
     }
 
     /// The records.
@@ -335,7 +348,7 @@ impl<'a> IrradianceCache<'a> {
         let min = self.min_radii[i].max(1e-5 * max).min(max);
         let limits = RadiusLimits { error: self.settings.error, floor, min, max };
         let place = &self.gather.places()[i];
-        Record::new(place.p, &self.gather.frame(i), e, &limits, |frame| self.gather.reach(i, frame))
+        Record::new(place.p, &self.gather.frame(i), e, &limits, |frame| self.gather.risers(i, frame))
     }
 
     /// R_i <= R_j + |x_i - x_j| for records of one surface (Krivanek et al. 2006, section 4): what one has seen nearby, such
@@ -374,5 +387,30 @@ impl<'a> IrradianceCache<'a> {
             self.tree.insert(i as u32, record.p, record.extent());
         }
         self.tree.pack();
+    }
+
+    /// Appends what a file keeps.
+    pub(super) fn put_fields(&self, out: &mut Vec<u8>) {
+        self.settings.put(out);
+        self.gather.put(out);
+        self.light.put(out);
+        self.min_radii.put(out);
+        self.left.put(out);
+        self.hopeless.put(out);
+        self.records.put(out);
+    }
+
+    /// The cache whose fields [`Self::put_fields`] wrote.
+    pub(super) fn take_fields(world: World<'a>, from: &mut &[u8]) -> Option<Self> {
+        let mut cache = IrradianceCache::new(world, CacheSettings::take(from)?);
+        (cache.gather, cache.light) = (GatherCache::take(from)?, Stored::take(from)?);
+        (cache.min_radii, cache.left) = (Vec::take(from)?, usize::take(from)?);
+        (cache.hopeless, cache.records) = (bool::take(from)?, Vec::take(from)?);
+        let n = cache.gather.len();
+        if cache.min_radii.len() != n || cache.records.len() != n {
+            return None;
+        }
+        cache.index();
+        Some(cache)
     }
 }

@@ -9,10 +9,13 @@
 //! * [`antialias`]: which pixels need several samples
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
-//!   irradiance), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits), [`cache_record`] (radii and
-//!   weights) and [`sphere_octree`] (look-up)
+//!   irradiance), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits),
+//!   [`cache_record`] (radii and weights), [`sphere_octree`] (look-up), [`cache_placement`] (places for it all over a scene),
+//!   [`cache_file`]
 
 pub mod antialias;
+pub mod cache_file;
+pub mod cache_placement;
 pub mod cache_record;
 pub mod differential;
 pub mod direct;

@@ -6,7 +6,7 @@
 //!
 //! l(j) is the surfel of the large cell around j (j itself if its cell is large): what comes after the second bounce varies
 //! so slowly that only large cells gather, from one another.
-//! D = direct irradiance, mean over light samples of weight cos V; C = irradiance by caustics, from a callback; G = pi / n
+//! D = direct irradiance averaged over the cell, mean over light samples of weight cos V; C = irradiance by caustics, from a callback; G = pi / n
 //! times the sum of what glossy vertices of the rays scatter from lamps; weight_r = throughput times albedo at the end of
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
 //! Solved by sweeps in the order of the surfels (Gauss-Seidel), which converge at least like albedo^k, to
@@ -15,14 +15,16 @@
 //! neighbourhood, and where there is none the rest of the row stands for the lost rays.
 //! Source      METHODS: direct-to-indirect transfer over clustered hits; cf. Hasan, Pellacini, Bala 2006
 //! Bias        that of the clusters (`surfels.rs`) and of the neighbours of third order; none from the number of samples
-//! Verified by `gather_tests.rs`: furnaces (E = pi L / (1 - rho) to 1e-3), against path tracing, relighting
+//! Verified by tests/irradiance_cache.rs: furnaces (E = pi L / (1 - rho) to 1e-3), against path tracing, relighting
 
 use super::World;
+use super::cache_file::stored;
 use super::gather_ray::{GlossyVertex, RayCounts, glossy_direct};
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3, luminance, warp};
 use crate::scene::LightSample;
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -33,7 +35,9 @@ const MAX_SWEEPS: u32 = 300;
 /// Aim for the relative variance of a surfel's direct light: a record averages some hundred surfels.
 const DIRECT_VARIANCE: f32 = 0.05;
 /// Most light samples over the least number.
-const MAX_MORE_SAMPLES: f32 = 8.0;
+const MAX_MORE_SAMPLES: f32 = 4.0;
+/// Places within its cell at which a surfel's direct light is sampled, in turn.
+const SPREAD: u32 = 4;
 /// Surfels from which that is found out.
 const PILOT: usize = 2048;
 /// Surfels that one task works on.
@@ -44,6 +48,7 @@ const ROWS: u64 = 0x5d2;
 const GLOSSY: u64 = 0x5d3;
 const PILOT_A: u64 = 0x5d4;
 const PILOT_B: u64 = 0x5d5;
+const WITHIN: u64 = 0x5d6;
 
 /// Irradiance by position and normal.
 pub type IrradianceAt<'a> = &'a (dyn Fn(Vec3, Vec3) -> Rgb + Sync);
@@ -111,6 +116,23 @@ pub struct SurfelLight {
     glossy: Vec<(u32, GlossyVertex)>,
 }
 
+stored!(SurfelSettings { light_samples, gather_rays, seed });
+stored!(Entry { surfel, weight });
+stored!(SurfelLight {
+    surfels,
+    counts,
+    settings,
+    light_samples,
+    own,
+    indirect,
+    scattered,
+    total,
+    gatherer,
+    row_ends,
+    entries,
+    glossy,
+});
+
 /// What a gather ray of a surfel ended on.
 struct Found {
     at: Facet,
@@ -168,15 +190,18 @@ impl SurfelLight {
         self.sweeps(first, 8);
     }
 
-    /// Solves for the irradiance of all surfels.
+    /// Solves for the irradiance of all surfels: a function of their direct light and rows alone.
     pub fn solve(&mut self) {
+        self.indirect.copy_from_slice(&self.scattered);
+        for (k, total) in self.total.iter_mut().enumerate() {
+            *total = self.own[k] + self.indirect[self.gatherer[k] as usize];
+        }
         self.sweeps(0, MAX_SWEEPS);
     }
 
     /// Evaluates all light anew, without a gather ray.
     pub fn relight(&mut self, world: &World, light: &HitLight) {
         self.light(world, light, 0);
-        self.indirect.fill(Rgb::ZERO);
         self.solve();
     }
 
@@ -223,7 +248,7 @@ impl SurfelLight {
                 let (begin, mut lost) = (self.entries.len(), 0);
                 for f in row.iter().flatten() {
                     let surfel = match f.surfel {
-                        None if last => self.surfels.find_coarse(&f.at),
+                        None if last => self.surfels.find_coarse(world, &f.at),
                         None => Some(self.surfels.find_or_insert(world, &f.at, f32::INFINITY)),
                         known => known,
                     };
@@ -246,7 +271,7 @@ impl SurfelLight {
         let places = &self.surfels.places()[start..];
         let samples = *self.light_samples.get_or_insert_with(|| match light {
             HitLight::Map { .. } => self.settings.light_samples,
-            _ => samples_needed(world, &self.surfels.places()[..self.surfels.len().min(PILOT)], self.settings),
+            _ => samples_needed(world, &self.surfels, self.settings),
         });
         let (settings, glossy) = (self.settings, &self.glossy);
         let lit: Vec<(Rgb, RayCounts)> = places
@@ -260,8 +285,8 @@ impl SurfelLight {
                     HitLight::Operator { caustic } | HitLight::OneBounce { caustic } => {
                         let stream = (start + i) as u64;
                         let key = hash(settings.seed, DIRECT);
-                        direct_irradiance(world, place, samples, key, stream, &mut counts)
-                            + caustic(place.p, place.n_shade)
+                        let caustic = caustic(place.p, place.n_shade);
+                        caustic + self.surfels.direct(world, start + i, samples, key, stream, &mut counts)
                     }
                 };
                 (if own.is_finite() { own } else { Rgb::ZERO }, counts)
@@ -321,18 +346,17 @@ impl SurfelLight {
 }
 
 /// Light samples per surfel that bring the variance of direct light to [`DIRECT_VARIANCE`] times its squared mean, by the
-/// difference of two estimates at each of `places`.
-fn samples_needed(world: &World, places: &[Facet], settings: SurfelSettings) -> u32 {
+/// difference of two estimates at each of the first ones.
+fn samples_needed(world: &World, surfels: &Surfels, settings: SurfelSettings) -> u32 {
     let least = settings.light_samples.max(1);
-    let estimates: Vec<[f32; 2]> = places
-        .par_iter()
-        .enumerate()
+    let estimates: Vec<[f32; 2]> = (0..surfels.len().min(PILOT))
+        .into_par_iter()
         .with_min_len(CHUNK)
-        .map(|(i, place)| {
+        .map(|i| {
             let mut counts = RayCounts::default();
             [PILOT_A, PILOT_B].map(|stream| {
                 let key = hash(settings.seed, stream);
-                luminance(direct_irradiance(world, place, least, key, i as u64, &mut counts))
+                luminance(surfels.direct(world, i, least, key, i as u64, &mut counts))
             })
         })
         .collect();
@@ -347,6 +371,24 @@ fn samples_needed(world: &World, places: &[Facet], settings: SurfelSettings) -> 
     (least as f32 * more).round() as u32
 }
 
+impl Surfels {
+    /// Irradiance directly from all lights, averaged over the cell of surfel `k`.
+    fn direct(&self, world: &World, k: usize, samples: u32, seed: u64, stream: u64, counts: &mut RayCounts) -> Rgb {
+        let places: ArrayVec<Facet, { SPREAD as usize }> = (0..samples.min(SPREAD))
+            .map(|i| {
+                counts.shadow_rays += 1;
+                let mut rng = Sampler::new(hash(seed, WITHIN), stream, u64::from(i));
+                self.spread(world, k, rng.next_2d())
+            })
+            .collect();
+        let sample = |s: u32| {
+            let place = &places[(s % SPREAD) as usize];
+            direct_sample(world, place, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts)
+        };
+        (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
+    }
+}
+
 /// Irradiance directly from all lights, by `samples` light samples.
 pub fn direct_irradiance(
     world: &World,
@@ -356,21 +398,18 @@ pub fn direct_irradiance(
     stream: u64,
     counts: &mut RayCounts,
 ) -> Rgb {
+    let sample = |s: u32| direct_sample(world, place, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts);
+    (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
+}
+
+fn direct_sample(world: &World, place: &Facet, [ux, uy, u_light, _]: [f32; 4], counts: &mut RayCounts) -> Rgb {
     let scene = world.scene;
-    let at = place.surface_point();
-    let mut sum = Rgb::ZERO;
-    for s in 0..samples {
-        let [ux, uy, u_light, _] = Sampler::new(seed, stream, u64::from(s)).next_4d();
-        let Some(LightSample { wi, distance, weight, .. }) =
-            scene.lights.sample(&scene.shapes, scene.textures(), place.p, u_light, Vec2::new(ux, uy))
-        else {
-            continue;
-        };
-        let cos = wi.dot(place.n_shade);
-        if cos > 0.0 {
-            counts.shadow_rays += 1;
-            sum += weight * (cos * world.transmittance(world.shadow_ray(&at, wi, distance), false).share);
-        }
+    let sample = scene.lights.sample(&scene.shapes, scene.textures(), place.p, u_light, Vec2::new(ux, uy));
+    let Some(LightSample { wi, distance, weight, .. }) = sample else { return Rgb::ZERO };
+    let cos = wi.dot(place.n_shade);
+    if cos <= 0.0 {
+        return Rgb::ZERO;
     }
-    sum / samples as f32
+    counts.shadow_rays += 1;
+    weight * (cos * world.transmittance(world.shadow_ray(&place.surface_point(), wi, distance), false).share)
 }

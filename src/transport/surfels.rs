@@ -10,16 +10,16 @@
 //! at each new surfel some short rays along the surface find out whether anything rises within the cell, and if so every
 //! hit of the cell has to see the surfel. So no light crosses a wall that stands on a floor, however thin it is.
 //! Source      Yue, Onoue and Nishita (stored hits); surfels as in Christensen 2008, "Point-Based Approximate Color Bleeding"
-//! Bias        the irradiance at a hit is that at a place less than a cell away; since the first hit of a cell is its
-//!             place, the average over cells is right. Goes to 0 with the cell
+//! Bias        the irradiance at a hit is that of the cell; goes to 0 with the cell
 //! Not handled obstacles thinner than the gap between the probing rays, in all directions (they block little light)
 //! Determinism places are added in order; searching changes nothing
-//! Verified by `gather_tests.rs`: dark rooms stay dark behind thin walls, furnace
+//! Verified by tests/irradiance_cache.rs: dark rooms stay dark behind thin walls, furnace
 
 use super::World;
+use super::cache_file::{Stored, stored};
 use crate::accel::Ray;
 use crate::math::sampler::hash;
-use crate::math::{Frame, Vec3};
+use crate::math::{Frame, Vec2, Vec3};
 use crate::scene::SurfacePoint;
 use std::collections::HashMap;
 use std::f32::consts::TAU;
@@ -38,7 +38,7 @@ const CLEARANCE_RAYS: u32 = 6;
 /// Height of those rays over the surface, in cells.
 const LIFT: f32 = 0.02;
 /// Surfels of one cell. In hair or foliage any of so many stands for a further hit: the choice is as good as random.
-const CROWD: u32 = 6;
+const CROWD: u32 = 24;
 /// Least cosine between normals within a crowd.
 const CROWD_NORMAL_COS: f32 = 0.3;
 /// Surfels beyond which cells are doubled, for the first time and each time over the number before.
@@ -61,6 +61,8 @@ pub struct Facet {
     pub n_shade: Vec3,
 }
 
+stored!(Facet { p, p_error, n_geo, n_shade });
+
 impl Facet {
     /// The side of a surface point that `wo` sees.
     pub fn seen_from(at: &SurfacePoint, wo: Vec3) -> Self {
@@ -72,7 +74,7 @@ impl Facet {
     /// The point as rays and shadow rays start from it.
     pub fn surface_point(&self) -> SurfacePoint {
         let Facet { p, p_error, n_geo, n_shade } = *self;
-        let flat = crate::math::Vec2::ZERO;
+        let flat = Vec2::ZERO;
         SurfacePoint { p, p_error, n_geo, n_shade, uv: flat, dp_du: Vec3::X, dp_dv: Vec3::Y, shape: 0, prim: 0 }
     }
 }
@@ -216,7 +218,8 @@ impl Surfels {
         let frame = Frame::from_normal(at.n_geo);
         let clear = (0..CLEARANCE_RAYS).all(|i| {
             let (sin, cos) = (TAU * (i as f32 + 0.5) / CLEARANCE_RAYS as f32).sin_cos();
-            let reach = 1.5 * edge;
+            // Farther than the farthest hit of the cell, also between two of the rays.
+            let reach = 1.7 * edge;
             Self::unobstructed(world, at, at.p + (frame.s * cos + frame.t * sin) * reach, LIFT * edge)
         });
         let k = self.places.len() as u32;
@@ -229,6 +232,21 @@ impl Surfels {
         k
     }
 
+    /// A place in the cell of surfel `k`, uniform in the tangent plane for `u` in `[0,1)^2`, and the surfel's own place where
+    /// the surface does not go on: what varies within the cell, such as light close to a lamp, is to be averaged over it.
+    pub fn spread(&self, world: &World, k: usize, u: Vec2) -> Facet {
+        let own = self.places[k];
+        let edge = self.edge(u32::from(self.levels[k]));
+        let (frame, lift) = (Frame::from_normal(own.n_geo), MAX_PLANE_DISTANCE * edge);
+        let q = own.p + (frame.s * (u.x - 0.5) + frame.t * (u.y - 0.5)) * edge;
+        let down = Ray { o: q + own.n_geo * lift, d: -own.n_geo, tmin: f32::MIN_POSITIVE, tmax: 2.0 * lift };
+        let Some(hit) = world.accel.closest(&down) else { return own };
+        let at = Facet::seen_from(&world.surface(&down, &hit), own.n_geo);
+        let alike = at.n_geo.dot(own.n_geo) > MIN_NORMAL_COS && at.n_shade.dot(own.n_shade) > MIN_NORMAL_COS;
+        let seen = || self.clear[k] || Self::unobstructed(world, &own, at.p, LIFT * edge);
+        if alike && seen() { at } else { own }
+    }
+
     /// Doubles the cells if there are too many surfels for them: geometry that fills space, such as hair.
     pub fn coarsen(&mut self) {
         if self.places.len() < self.limit {
@@ -238,6 +256,11 @@ impl Surfels {
         self.cell *= 2.0;
         // What was clear within the old cell need not be within the new one.
         self.clear.fill(false);
+        self.rehash();
+    }
+
+    /// Builds the grids over the places as they are.
+    fn rehash(&mut self) {
         (self.first, self.coarse) = (Grid::default(), Grid::default());
         for (k, at) in self.places.iter().enumerate() {
             let level = u32::from(self.levels[k]);
@@ -248,8 +271,30 @@ impl Surfels {
     }
 
     /// Some surfel in the neighbourhood that faces the same way, for light of so high an order that it hardly varies.
-    pub fn find_coarse(&self, at: &Facet) -> Option<u32> {
+    pub fn find_coarse(&self, world: &World, at: &Facet) -> Option<u32> {
         let k = *self.coarse.get(&Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo))?;
-        (self.places[k as usize].n_geo.dot(at.n_geo) > 0.5).then_some(k)
+        let s = &self.places[k as usize];
+        let seen = s.n_geo.dot(at.n_geo) > 0.5 && Self::unobstructed(world, at, s.p, LIFT * self.cell);
+        seen.then_some(k)
+    }
+}
+
+impl Stored for Surfels {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.cell.put(out);
+        self.limit.put(out);
+        self.places.put(out);
+        self.clear.put(out);
+        self.levels.put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let (cell, limit) = (f32::take(from)?, usize::take(from)?);
+        let (places, clear, levels) = (Vec::take(from)?, Vec::take(from)?, Vec::take(from)?);
+        let next = vec![NONE; places.len()];
+        let (first, coarse) = (Grid::default(), Grid::default());
+        let mut surfels = Surfels { cell, limit, places, clear, levels, next, first, coarse };
+        surfels.rehash();
+        Some(surfels)
     }
 }
