@@ -352,6 +352,7 @@ impl Stored for GatherCache {
         self.hits.put(out);
         self.glossy.put(out);
         self.scattered.put(out);
+        self.sky.put(out);
     }
 
     fn take(from: &mut &[u8]) -> Option<Self> {
@@ -360,8 +361,10 @@ impl Stored for GatherCache {
         let mut cache = GatherCache { counts, ..GatherCache::new(rays, u64::take(from)?) };
         (cache.places, cache.hits) = (Vec::take(from)?, Vec::take(from)?);
         (cache.glossy, cache.scattered) = (Vec::take(from)?, Vec::take(from)?);
+        cache.sky = Vec::take(from)?;
         let n = cache.strata.len();
-        if cache.hits.len() != n * cache.places.len() || cache.glossy.len() != cache.scattered.len() {
+        let sky = cache.sky.is_empty() || cache.sky.len() == cache.hits.len();
+        if cache.hits.len() != n * cache.places.len() || cache.glossy.len() != cache.scattered.len() || !sky {
             return None;
         }
         let depths: Vec<[f32; 2]> = cache.hits.chunks(n).flat_map(|hits| cache.strata.depths(hits)).collect();
