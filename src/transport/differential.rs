@@ -22,6 +22,7 @@ use crate::edge::view::{from_dual, to_dual};
 use crate::emission::{EmittedRay, MOST_PARAMETERS};
 use crate::math::{DVec3, Frame, Vec3};
 use crate::scene::{Shape, SurfacePoint};
+use arrayvec::ArrayVec;
 use dualux_dual::{Family, Jet as _, Ray, face_against, reflect, refract};
 
 /// Standard deviation of the directions that a photon behind a rough facet stands for, in units of the roughness. The lobe itself has
@@ -50,24 +51,30 @@ pub struct Meeting<const N: usize> {
     dual: Option<(dualux_dual::Vec3<D1<N>>, dualux_dual::Vec3<D1<N>>)>,
 }
 
-/// Whether more than two parameters are in use.
-pub fn has_four(emitted: &EmittedRay) -> bool {
+/// Parameters that an emitted ray depends on, in order. A point light has two, whichever they are, a lamp four.
+pub fn parameters(emitted: &EmittedRay) -> ArrayVec<usize, MOST_PARAMETERS> {
     let spread = &emitted.spread;
-    (2..MOST_PARAMETERS).any(|k| spread.o[k] != Vec3::ZERO || spread.d[k] != Vec3::ZERO)
+    (0..MOST_PARAMETERS).filter(|&k| spread.o[k] != Vec3::ZERO || spread.d[k] != Vec3::ZERO).collect()
 }
 
 impl<const N: usize> Differential<N> {
-    /// The neighbourhood that an emitted photon stands for.
-    pub fn new(emitted: &EmittedRay) -> Self {
-        let of = |v: &[Vec3; MOST_PARAMETERS]| std::array::from_fn(|k| to_dual(v[k].as_dvec3()));
+    /// The neighbourhood that an emitted photon stands for, of which `N` at most of the [`parameters`] are kept.
+    pub fn new(emitted: &EmittedRay, parameters: &[usize]) -> Self {
+        let by = |v: &[Vec3; MOST_PARAMETERS]| {
+            std::array::from_fn(|k| to_dual(parameters.get(k).map_or(Vec3::ZERO, |&p| v[p]).as_dvec3()))
+        };
         let (o, d) = (to_dual(emitted.o.as_dvec3()), to_dual(emitted.d.as_dvec3()));
-        let family = Family::<f64, N>::new(o, of(&emitted.spread.o), d, of(&emitted.spread.d));
+        let family = Family::<f64, N>::new(o, by(&emitted.spread.o), d, by(&emitted.spread.d));
         Differential { ray: Some(family.ray()), blur: 0.0, angle: 0.0, thinning: 1.0 }
     }
 
-    /// The ray meets a surface after length `t`.
-    pub fn meet(&mut self, shape: &Shape, at: &SurfacePoint, t: f32) -> Meeting<N> {
+    /// The beam grows along a segment of length `t`.
+    pub fn advance(&mut self, t: f32) {
         self.blur += self.angle * f64::from(t);
+    }
+
+    /// Where the ray meets the surface that it has been advanced to.
+    pub fn meet(&self, shape: &Shape, at: &SurfacePoint) -> Meeting<N> {
         Meeting { dual: self.ray.as_ref().map(|ray| surface::meet(shape, ray, at)) }
     }
 

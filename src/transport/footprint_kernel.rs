@@ -9,7 +9,8 @@
 //! it: off the plane it fades out, so that it neither reaches through walls nor ends in steps on curved surfaces. With r_min = r_max it is
 //! the kernel of a fixed radius in chord distance, which on a sphere is exact: a ball of radius r cuts an area of pi r^2 from it.
 //! Source: Schjoth et al. 2007; METHODS 3.B, 3.E.
-//! Bias: blur of the size of the kernel, which goes to zero with `scale` and the limits; light beyond the border of a surface is lost.
+//! Bias: blur of the size of the kernel, which goes to zero with `scale` and the limits; light beyond the border of a surface is lost
+//! unless [`super::border`] gives it back.
 //! Verified by `tests/kernel.rs`.
 
 use crate::math::{Frame, Vec3};
@@ -52,8 +53,8 @@ impl Ellipsoid {
 /// How wide kernels are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Widths {
-    /// Standard deviation of the kernel over that of the footprint.
-    pub scale: f32,
+    /// Standard deviation of the kernel over that of the footprint, for photons that spread over two and over four parameters.
+    pub scale: [f32; 2],
     /// Smallest half axis.
     pub min: Smallest,
     /// Greatest half axis.
@@ -97,7 +98,7 @@ impl Smallest {
 impl Widths {
     /// Kernels of one radius.
     pub fn fixed(radius: f32) -> Self {
-        Widths { scale: 1.0, min: Smallest::Fixed(radius), max: radius }
+        Widths { scale: [1.0; 2], min: Smallest::Fixed(radius), max: radius }
     }
 
     /// All widths times `factor`.
@@ -106,15 +107,16 @@ impl Widths {
             Smallest::Fixed(r) => Smallest::Fixed(r * factor),
             Smallest::Pixels { eye, per_distance } => Smallest::Pixels { eye, per_distance: per_distance * factor },
         };
-        Widths { scale: self.scale * factor, min, max: self.max * factor }
+        Widths { scale: self.scale.map(|s| s * factor), min, max: self.max * factor }
     }
 
     /// The kernel of a photon. The widths must be positive.
     pub fn ellipsoid(&self, photon: &Photon) -> Ellipsoid {
         let [long, short] = photon.sigma;
         let min = self.min.at(photon.p).min(self.max);
+        let scale = self.scale[usize::from(photon.parameters > 2)];
         // NaN and infinity: nothing is known of the neighbourhood.
-        let radius = |v: Vec3| (self.scale * 6f32.sqrt() * v.length()).clamp(min, self.max);
+        let radius = |v: Vec3| (scale * 6f32.sqrt() * v.length()).clamp(min, self.max);
         let radius = |v: Vec3| if v.is_finite() { radius(v) } else { self.max };
         let (r1, r2) = (radius(long), radius(short));
         let frame = Frame::from_normal_tangent(photon.n, long);

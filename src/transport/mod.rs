@@ -3,9 +3,9 @@
 //! * [`World`]: a scene with its acceleration structure, and what every walk asks of the two
 //! * [`direct`]: light that comes straight from emitters; [`light_tree`]: one of many lights
 //! * [`photon`], [`photon_walk`], [`differential`]: photons, their random walk, and the footprints that they carry
-//! * [`footprint_kernel`]: the kernel of a photon's own footprint
+//! * [`footprint_kernel`], [`border`]: the kernel of a photon's own footprint, and what becomes of it at borders
 //! * [`photon_tree`]: all photons whose reach covers a point; [`nearest`]: the nearest photons
-//! * [`photon_map`]: radiance and irradiance from photons
+//! * [`photon_map`]: radiance and irradiance from photons; [`photon_ply`]: photons as a point cloud
 //! * [`antialias`]: which pixels need several samples
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
@@ -14,6 +14,7 @@
 //!   [`cache_file`]
 
 pub mod antialias;
+pub mod border;
 pub mod cache_file;
 pub mod cache_placement;
 pub mod cache_record;
@@ -29,6 +30,7 @@ pub mod light_tree;
 pub mod nearest;
 pub mod photon;
 pub mod photon_map;
+pub mod photon_ply;
 pub mod photon_tree;
 pub mod photon_walk;
 pub mod sphere_octree;

@@ -36,6 +36,8 @@ pub struct Photon {
     /// Its footprint: two orthogonal tangent vectors, the standard deviations of the area that the photon stands for along its principal
     /// axes, the longer one first. Infinite where nothing is known of the neighbourhood.
     pub sigma: [Vec3; 2],
+    /// Number of parameters over which it spreads: 2, or 4 from lamps with an area and behind diffuse scattering.
+    pub parameters: u32,
     /// Shape that stores it.
     pub shape: u32,
     /// Triangle of the shape's mesh, else 0.

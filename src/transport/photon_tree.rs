@@ -194,11 +194,12 @@ impl Class {
             let child = nodes[level] * WIDTH + masks[level].trailing_zeros() as usize;
             masks[level] &= masks[level] - 1;
             if level == 0 {
-                let weights = weights(&self.leaves[child], x);
-                for (k, &w) in weights.iter().enumerate() {
-                    if w > 0.0 {
-                        visit(self.first + child * WIDTH + k, w);
-                    }
+                let mut w = [0.0; WIDTH];
+                let mut mask = weights(&self.leaves[child], x, &mut w);
+                while mask != 0 {
+                    let k = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    visit(self.first + child * WIDTH + k, w[k]);
                 }
             } else {
                 level -= 1;
@@ -222,18 +223,26 @@ fn covered(node: &Node, x: Vec3) -> u32 {
     (0..WIDTH).fold(0, |m, k| m | u32::from(inside[k]) << k)
 }
 
-/// 1 - q of eight ellipsoids at `x`.
-#[inline(always)]
-fn weights(leaf: &Leaf, x: Vec3) -> [f32; WIDTH] {
+/// 1 - q of eight ellipsoids at `x`, and which of them are positive.
+// A function of its own: inlined, lanes are taken apart and computed one by one.
+#[inline(never)]
+fn weights(leaf: &Leaf, x: Vec3, w: &mut [f32; WIDTH]) -> u32 {
     let x = x.to_array();
-    let mut w = [1.0f32; WIDTH];
-    for row in &leaf.rows {
+    let mut d = [[0.0f32; WIDTH]; 3];
+    for axis in 0..3 {
         for k in 0..WIDTH {
-            let s = row[0][k] * (x[0] - leaf.p[0][k])
-                + row[1][k] * (x[1] - leaf.p[1][k])
-                + row[2][k] * (x[2] - leaf.p[2][k]);
-            w[k] -= s * s;
+            d[axis][k] = x[axis] - leaf.p[axis][k];
         }
     }
-    w
+    let mut q = [0.0f32; WIDTH];
+    for row in &leaf.rows {
+        for k in 0..WIDTH {
+            let s = row[0][k] * d[0][k] + row[1][k] * d[1][k] + row[2][k] * d[2][k];
+            q[k] += s * s;
+        }
+    }
+    for k in 0..WIDTH {
+        w[k] = 1.0 - q[k];
+    }
+    (0..WIDTH).fold(0, |m, k| m | u32::from(w[k] > 0.0) << k)
 }

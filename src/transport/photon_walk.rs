@@ -17,7 +17,7 @@
 //! Not handled participating media
 //! Verified by `tests/`: the ledger closes, the same bits for any number of threads, closed forms of what maps show
 
-use super::differential::{Differential, Meeting, has_four};
+use super::differential::{Differential, Meeting, parameters};
 use super::photon::{Ledger, LightLedger, Photon, PhotonClass};
 use super::{MAX_PASSED_SURFACES, World, nearly_specular};
 use crate::accel::Ray;
@@ -84,9 +84,10 @@ pub fn trace(world: World, density: &dyn EmissionDensity, settings: &WalkSetting
             if let Some(emitted) = density.emit(index, pass) {
                 let stream = STREAM ^ crate::math::sampler::hash(STREAM, pass);
                 let rng = &mut Sampler::new(settings.seed, stream, index as u64);
-                match has_four(&emitted) {
-                    false => walk.photon::<2>(&emitted, rng),
-                    true => walk.photon::<4>(&emitted, rng),
+                let parameters = parameters(&emitted);
+                match parameters.len() {
+                    ..=2 => walk.photon(&emitted, Differential::<2>::new(&emitted, &parameters), rng),
+                    _ => walk.photon(&emitted, Differential::<4>::new(&emitted, &parameters), rng),
                 }
             }
         }
@@ -130,11 +131,10 @@ fn shading_ratio(at: &SurfacePoint, wi: Vec3) -> f32 {
 }
 
 impl Walk<'_> {
-    fn photon<const N: usize>(&mut self, emitted: &EmittedRay, rng: &mut Sampler) {
+    fn photon<const N: usize>(&mut self, emitted: &EmittedRay, mut beam: Differential<N>, rng: &mut Sampler) {
         let (scene, settings) = (self.world.scene, self.settings);
         let mut ledger = LightLedger { photons: 1, emitted: emitted.flux.as_dvec3(), ..LightLedger::default() };
         let mut ray = Ray { o: emitted.o, d: emitted.d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
-        let mut beam = Differential::<N>::new(emitted);
         let (mut flux, mut throughput) = (emitted.flux, Rgb::ONE);
         let (mut scattered, mut passed, mut class) = (0u32, 0u32, PhotonClass::Direct);
         loop {
@@ -145,40 +145,41 @@ impl Walk<'_> {
             };
             let at = self.world.surface(&ray, &hit);
             let wo = -ray.d;
-            let meeting = beam.meet(&scene.shapes[at.shape as usize], &at, hit.t);
+            beam.advance(hit.t);
             let (diffuse, rest) = self.world.bsdf(&at, wo).split();
             let shares = [&diffuse, &rest].map(|part| part.as_ref().map_or(0.0, |b| luminance(b.albedo(wo))));
             let last =
                 settings.most_segments.is_some_and(|most| scattered + 1 >= most) || scattered >= MOST_SCATTERINGS;
 
-            let mut sigma = None;
-            if shares[0] > 0.0 {
-                let axes = beam.axes(&meeting, &at, wo);
-                sigma = Some(axes);
-                if self.wants(class) {
-                    let n = if at.n_geo.dot(wo) < 0.0 { -at.n_geo } else { at.n_geo };
-                    let SurfacePoint { p, shape, prim, .. } = at;
-                    let EmittedRay { light, stratum, .. } = *emitted;
-                    let segments = scattered + 1;
-                    let shading = shading_ratio(&at, wo);
-                    let photon = Photon {
-                        p,
-                        wi: wo,
-                        n,
-                        flux,
-                        shading,
-                        sigma: axes,
-                        shape,
-                        prim,
-                        light,
-                        stratum,
-                        segments,
-                        class,
-                    };
-                    self.out.photons.push(photon);
-                    ledger.stored[class as usize] += 1;
-                    ledger.stored_flux[class as usize] += flux.as_dvec3();
-                }
+            // Where a photon ends unseen its neighbours do not matter.
+            let stored = shares[0] > 0.0 && self.wants(class);
+            let ends = last || (shares[1] <= 0.0 && settings.goal == Goal::Caustics);
+            let meeting = (stored || !ends).then(|| beam.meet(&scene.shapes[at.shape as usize], &at));
+            let sigma = meeting.as_ref().filter(|_| shares[0] > 0.0).map(|m| beam.axes(m, &at, wo));
+            if let (true, Some(sigma)) = (stored, sigma) {
+                let n = if at.n_geo.dot(wo) < 0.0 { -at.n_geo } else { at.n_geo };
+                let SurfacePoint { p, shape, prim, .. } = at;
+                let EmittedRay { light, stratum, .. } = *emitted;
+                let (segments, shading) = (scattered + 1, shading_ratio(&at, wo));
+                let parameters = if class == PhotonClass::Indirect { 4 } else { N as u32 };
+                let photon = Photon {
+                    p,
+                    wi: wo,
+                    n,
+                    flux,
+                    shading,
+                    sigma,
+                    parameters,
+                    shape,
+                    prim,
+                    light,
+                    stratum,
+                    segments,
+                    class,
+                };
+                self.out.photons.push(photon);
+                ledger.stored[class as usize] += 1;
+                ledger.stored_flux[class as usize] += flux.as_dvec3();
             }
             if last && !self.world.passes_light(at.shape) {
                 ledger.truncated += flux.as_dvec3();
@@ -214,7 +215,7 @@ impl Walk<'_> {
             ray = Ray { o: at.spawn_origin(sample.wi), d: sample.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
 
             if sample.lobe == LobeKind::Null {
-                beam.thin(part_pmf);
+                beam.thin(part_pmf * sample.pmf);
                 passed += 1;
                 if passed > MAX_PASSED_SURFACES {
                     ledger.truncated += flux.as_dvec3();
@@ -232,7 +233,9 @@ impl Walk<'_> {
             }
             scattered += 1;
             class = if nearly && class != PhotonClass::Indirect { PhotonClass::Caustic } else { PhotonClass::Indirect };
-            self.go_on(&mut beam, &meeting, sigma, &sample, part_pmf, alpha);
+            if let Some(meeting) = &meeting {
+                self.go_on(&mut beam, meeting, sigma, &sample, part_pmf * sample.pmf, alpha);
+            }
 
             if class == PhotonClass::Indirect || scattered >= settings.rr_depth {
                 let limit = if scattered >= settings.rr_depth { MAX_SURVIVAL } else { 1.0 };
@@ -296,7 +299,7 @@ impl Walk<'_> {
         meeting: &Meeting<N>,
         sigma: Option<[Vec3; 2]>,
         sample: &BsdfSample,
-        part_pmf: f32,
+        pmf: f32,
         alpha: f32,
     ) {
         match (sample.lobe, sigma) {
@@ -306,7 +309,7 @@ impl Walk<'_> {
                 let widen = if N == 2 { (self.count as f64).powf(0.25) } else { 1.0 };
                 beam.diffuse(sigma, widen, (PI * share / 12.0).sqrt());
             }
-            _ => beam.scatter(meeting, sample.wi, sample.eta, alpha, part_pmf),
+            _ => beam.scatter(meeting, sample.wi, sample.eta, alpha, pmf),
         }
     }
 }

@@ -108,6 +108,7 @@ impl Layer {
             pdf_dir: warp::pdf_cosine_hemisphere(local),
             lobe: LobeKind::Diffuse,
             eta: 1.0,
+            pmf: 1.0,
         })
     }
 

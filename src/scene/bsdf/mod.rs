@@ -85,6 +85,8 @@ pub struct BsdfSample {
     pub lobe: LobeKind,
     /// Relative index crossed (transmitted over incident side), 1 without refraction.
     pub eta: f32,
+    /// Probability of having chosen this Dirac lobe; 1 for lobes with a density.
+    pub pmf: f32,
 }
 
 /// A material at a point: textures evaluated, nesting resolved into weighted lobes.
@@ -163,16 +165,16 @@ impl Bsdf {
         }
         let (layer, share, u_lobe) = self.choose(wo, u_lobe)?;
         let (s, wi, factor) = layer.sample(self.n_geo, wo, u_lobe, u, transport)?;
-        let (weight, pdf_dir) = match s.dirac {
-            Some((value, pmf)) => (value * (layer.weight * factor / (share * pmf)), 0.0),
+        let (weight, pdf_dir, pmf) = match s.dirac {
+            Some((value, pmf)) => (value * (layer.weight * factor / (share * pmf)), 0.0, share * pmf),
             None => {
                 let (f, pdf) = self.eval_pdf(wo, wi, transport);
-                (f / pdf, pdf)
+                (f / pdf, pdf, 1.0)
             }
         };
         // Also false for NaN, of pdf 0 or else.
         let usable = weight.is_finite() && weight.max_element() > 0.0 && pdf_dir.is_finite();
-        usable.then_some(BsdfSample { wi, weight, pdf_dir, lobe: s.kind, eta: s.eta })
+        usable.then_some(BsdfSample { wi, weight, pdf_dir, lobe: s.kind, eta: s.eta, pmf })
     }
 
     /// All directions of a smooth material, mirrored and refracted, each with its full value, where [`Self::sample`] would
@@ -225,6 +227,13 @@ impl Bsdf {
             return (Some(self), None);
         }
         let n_geo = self.n_geo;
+        if self.rest.is_empty() {
+            // One lobe, as most materials have: nothing is allocated.
+            let layer = self.first;
+            let [d, r] = layer.lobe.split();
+            let part = |lobe| Bsdf { n_geo, first: Layer { lobe, ..layer }, rest: Vec::new() };
+            return (d.filter(Lobe::has_diffuse).map(part), r.map(part));
+        }
         let (mut diffuse, mut rest) = (Vec::new(), Vec::new());
         for layer in std::iter::once(self.first).chain(self.rest) {
             let [d, r] = layer.lobe.split();

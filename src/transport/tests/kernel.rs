@@ -7,10 +7,24 @@ use crate::transport::photon::{Photon, PhotonClass};
 pub fn photon(p: Vec3, n: Vec3, sigma: [Vec3; 2]) -> Photon {
     let flux = Rgb::ONE;
     let class = PhotonClass::Caustic;
-    Photon { p, wi: n, n, flux, shading: 1.0, sigma, shape: 0, prim: 0, light: 0, stratum: 0, segments: 1, class }
+    Photon {
+        p,
+        wi: n,
+        n,
+        flux,
+        shading: 1.0,
+        sigma,
+        parameters: 2,
+        shape: 0,
+        prim: 0,
+        light: 0,
+        stratum: 0,
+        segments: 1,
+        class,
+    }
 }
 
-const WIDE: Widths = Widths { scale: 2.0, min: Smallest::Fixed(1e-3), max: 10.0 };
+const WIDE: Widths = Widths { scale: [2.0, 1.0], min: Smallest::Fixed(1e-3), max: 10.0 };
 
 /// Integral of the kernel over the plane through its centre with unit tangents `s`, `t`, in steps of `h`.
 fn integral(e: &Ellipsoid, s: Vec3, t: Vec3, reach: f32) -> f64 {
@@ -49,7 +63,7 @@ fn kernels_integrate_to_one_on_any_plane_and_have_the_covariance_asked_for() {
 
 #[test]
 fn widths_are_clamped_and_unknown_neighbourhoods_get_the_greatest() {
-    let w = Widths { scale: 1.0, min: Smallest::Fixed(0.1), max: 0.5 };
+    let w = Widths { scale: [1.0; 2], min: Smallest::Fixed(0.1), max: 0.5 };
     let radii = |long: Vec3, short: Vec3| w.ellipsoid(&photon(Vec3::ZERO, Vec3::Z, [long, short])).radii;
     assert_eq!(radii(Vec3::X * 9.0, Vec3::Y * 1e-9), [0.5, 0.1]);
     assert_eq!(radii(Vec3::ZERO, Vec3::ZERO), [0.1, 0.1]);

@@ -1,5 +1,6 @@
 //! Scenes made in code, simple emission densities, and tests of photons against closed forms.
 
+mod borders;
 mod chains;
 mod kernel;
 mod maps;

@@ -45,7 +45,7 @@ fn queries(photons: &[Photon]) -> Vec<Vec3> {
 
 #[test]
 fn every_kernel_that_covers_a_point_is_found_once() {
-    let widths = Widths { scale: 1.0, min: Smallest::Fixed(1e-5), max: 1.0 };
+    let widths = Widths { scale: [1.0; 2], min: Smallest::Fixed(1e-5), max: 1.0 };
     for (name, photons) in arrangements() {
         let ellipsoids: Vec<Ellipsoid> = photons.iter().map(|p| widths.ellipsoid(p)).collect();
         let tree = PhotonTree::build(&ellipsoids, |i| i);
@@ -109,8 +109,10 @@ fn a_plane_of_photons_is_no_cliff() {
     let turned: Vec<Photon> =
         flat.iter().map(|p| photon(turn * p.p, turn * p.n, [turn * p.sigma[0], turn * p.sigma[1]])).collect();
     let seconds = |photons: &[Photon], turn: crate::math::Mat3| {
-        let ellipsoids: Vec<Ellipsoid> =
-            photons.iter().map(|p| Widths { scale: 2.0, min: Smallest::Fixed(0.0), max: 1.0 }.ellipsoid(p)).collect();
+        let ellipsoids: Vec<Ellipsoid> = photons
+            .iter()
+            .map(|p| Widths { scale: [2.0; 2], min: Smallest::Fixed(0.0), max: 1.0 }.ellipsoid(p))
+            .collect();
         let tree = PhotonTree::build(&ellipsoids, |i| i as u32);
         let start = std::time::Instant::now();
         let mut found = 0;

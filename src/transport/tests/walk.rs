@@ -122,3 +122,81 @@ fn roughness_decides_on_both_sides_of_the_threshold() {
     assert!(below.0 > 300 && below.1 == 0, "{below:?}");
     assert!(above.0 == 0 && above.1 > 300, "{above:?}");
 }
+
+#[test]
+fn a_point_light_has_two_parameters_wherever_they_stand() {
+    /// The same rays with their derivatives in the last two places.
+    struct Moved(Aimed);
+    impl EmissionDensity for Moved {
+        fn count(&self) -> usize {
+            self.0.count()
+        }
+        fn emit(&self, index: usize, pass: u64) -> Option<EmittedRay> {
+            let mut ray = self.0.emit(index, pass)?;
+            ray.spread.d.rotate_right(2);
+            Some(ray)
+        }
+    }
+    let room = workshop();
+    let (first, last) = (walk(&room, &aimed(20), ALL, Some(3)), walk(&room, &Moved(aimed(20)), ALL, Some(3)));
+    assert!(first.photons == last.photons);
+    assert!(first.photons.iter().filter(|p| p.class != PhotonClass::Indirect).all(|p| p.parameters == 2));
+}
+
+#[test]
+fn a_coat_of_little_roughness_throws_the_caustic_of_a_smooth_one() {
+    // Light on a coated floor, its caustic on the ceiling: smooth, or of roughness 0.01, which blurs next to nothing.
+    let ceiling = |coat: Material| {
+        let mut s = empty();
+        let white = diffuse(&mut s, 0.5);
+        let coat = add_material(&mut s, coat);
+        add(&mut s, GeometryDesc::Rectangle, square(DVec3::ZERO, DVec3::Y, 3.0), coat);
+        add(&mut s, GeometryDesc::Rectangle, square(DVec3::Y * 4.0, DVec3::NEG_Y, 30.0), white);
+        let traced = walk(&Room::new(s), &aimed(150), Goal::Caustics, None);
+        assert!(traced.ledger.total().imbalance() < 1e-6);
+        assert!(traced.photons.iter().all(|p| p.segments == 2 && p.sigma[0].is_finite()));
+        let flux: f32 = traced.photons.iter().map(|p| p.flux.x).sum();
+        let mean: Vec3 = traced.photons.iter().map(|p| p.p * p.flux.x).sum::<Vec3>() / flux;
+        let size = |p: &crate::transport::photon::Photon| f64::from(p.sigma[0].length() * p.sigma[1].length()).sqrt();
+        (flux, mean, traced.photons.iter().map(size).sum::<f64>() / traced.photons.len() as f64)
+    };
+    let c = |x: f32| Color::Constant(Rgb::splat(x));
+    let smooth =
+        Material::Plastic { eta: 1.5, diffuse_reflectance: c(0.4), specular_reflectance: c(1.0), nonlinear: false };
+    let rough = |alpha: f32| Material::RoughPlastic {
+        eta: 1.5,
+        diffuse_reflectance: c(0.4),
+        specular_reflectance: c(1.0),
+        nonlinear: false,
+        roughness: crate::scene::material::Roughness {
+            distribution: crate::scene::material::Distribution::Ggx,
+            alpha_u: crate::scene::Scalar::Constant(alpha),
+            alpha_v: crate::scene::Scalar::Constant(alpha),
+        },
+    };
+    let (smooth, sharp, dull) = (ceiling(smooth), ceiling(rough(0.01)), ceiling(rough(0.09)));
+    println!("coats: {smooth:?} {sharp:?} {dull:?}");
+    assert!((sharp.0 / smooth.0 - 1.0).abs() < 0.05, "{} {}", sharp.0, smooth.0);
+    assert!((sharp.1 - smooth.1).length() < 0.1);
+    // Roughness inflates footprints.
+    assert!(sharp.2 > smooth.2 && dull.2 > 2.0 * sharp.2);
+}
+
+#[test]
+fn point_clouds_hold_every_photon() {
+    let photons = walk(&workshop(), &aimed(10), ALL, None).photons;
+    let mut file = Vec::new();
+    crate::transport::photon_ply::write_ply(&mut file, &photons).expect("written to memory");
+    let end = b"end_header\n";
+    let header = file.windows(end.len()).position(|w| w == end).expect("a header") + end.len();
+    let text = std::str::from_utf8(&file[..header]).expect("text");
+    assert!(text.contains(&format!("element vertex {}\n", photons.len())));
+    assert_eq!(text.matches("property float").count(), 18);
+    let record = 18 * 4 + 3 * 4 + 1;
+    assert_eq!(file.len() - header, photons.len() * record);
+    let last = &file[file.len() - record..];
+    let number = |k: usize| f32::from_le_bytes(last[4 * k..4 * k + 4].try_into().expect("four bytes"));
+    let photon = photons.last().expect("photons");
+    assert_eq!([number(0), number(9), number(17)], [photon.p.x, photon.flux.x, photon.sigma[1].z]);
+    assert_eq!(last[record - 1], photon.class as u8);
+}
