@@ -76,7 +76,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
 
 enum Map {
     Caustic(CausticMap),
-    Global(GlobalMap),
+    Global(Box<GlobalMap>),
 }
 
 impl Map {
@@ -149,7 +149,7 @@ fn run(a: &Arguments) -> Result<(), Box<dyn Error>> {
         let start = seconds(begin);
         let map = match a.global {
             false => Map::Caustic(CausticMap::from_photons(world, traced, &a.settings, pass)),
-            true => Map::Global(GlobalMap::from_photons(world, traced, &a.settings, pass)),
+            true => Map::Global(Box::new(GlobalMap::from_photons(world, traced, &a.settings, pass))),
         };
         build_s += seconds(begin) - start;
         (stored, bytes) = match &map {
