@@ -75,7 +75,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
 }
 
 enum Map {
-    Caustic(CausticMap),
+    Caustic(Box<CausticMap>),
     Global(Box<GlobalMap>),
 }
 
@@ -148,7 +148,7 @@ fn run(a: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         let start = seconds(begin);
         let map = match a.global {
-            false => Map::Caustic(CausticMap::from_photons(world, traced, &a.settings, pass)),
+            false => Map::Caustic(Box::new(CausticMap::from_photons(world, traced, &a.settings, pass))),
             true => Map::Global(Box::new(GlobalMap::from_photons(world, traced, &a.settings, pass))),
         };
         build_s += seconds(begin) - start;
