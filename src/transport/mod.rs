@@ -55,7 +55,7 @@ pub const NEARLY_SPECULAR_ALPHA: f32 = 0.1;
 pub fn nearly_specular(rest: &Bsdf, lobe: LobeKind) -> bool {
     match lobe {
         LobeKind::Specular => true,
-        LobeKind::Glossy => rest.min_alpha() < NEARLY_SPECULAR_ALPHA,
+        LobeKind::Glossy => rest.min_glossy_alpha() < NEARLY_SPECULAR_ALPHA,
         LobeKind::Diffuse | LobeKind::Null => false,
     }
 }

@@ -288,7 +288,7 @@ impl Walk<'_> {
             return Fate::HandedOn(part.albedo(wo) / part_pmf);
         }
         let Some(sample) = part.sample(wo, u_lobe, u, Transport::Importance) else { return Fate::Absorbed };
-        let alpha = if sample.lobe == LobeKind::Glossy { part.min_alpha() } else { 0.0 };
+        let alpha = if sample.lobe == LobeKind::Glossy { part.min_glossy_alpha() } else { 0.0 };
         let nearly_specular = chosen_rest && nearly_specular(&part, sample.lobe);
         Fate::Goes { sample, part_pmf, nearly_specular, alpha }
     }

@@ -298,6 +298,11 @@ impl Bsdf {
         self.layers().map(|l| l.lobe.min_alpha()).fold(1.0, f32::min)
     }
 
+    /// Roughness of the sharpest lobe with a density, at most 1; specular and null lobes do not count.
+    pub fn min_glossy_alpha(&self) -> f32 {
+        self.layers().filter(|l| !l.lobe.is_dirac()).map(|l| l.lobe.min_alpha()).fold(1.0, f32::min)
+    }
+
     /// Hemispherical albedo, approximate (for the albedo layer and photon storage).
     pub fn albedo(&self, wo: Vec3) -> Rgb {
         self.layers().map(|l| l.albedo(wo)).sum()

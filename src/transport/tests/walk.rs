@@ -97,7 +97,7 @@ fn the_same_bits_for_any_number_of_threads() {
 
 #[test]
 fn roughness_decides_on_both_sides_of_the_threshold() {
-    let lit = |alpha: f32| {
+    let lit = |alpha: f32, blend: bool| {
         let mut s = empty();
         let white = diffuse(&mut s, 0.5);
         let metal = Material::RoughConductor {
@@ -110,7 +110,11 @@ fn roughness_decides_on_both_sides_of_the_threshold() {
                 alpha_v: crate::scene::Scalar::Constant(alpha),
             },
         };
-        let metal = add_material(&mut s, metal);
+        let mut metal = add_material(&mut s, metal);
+        if blend {
+            let (first, weight) = (add_material(&mut s, mirror()), crate::scene::Scalar::Constant(0.5));
+            metal = add_material(&mut s, Material::Blend { weight, first, second: metal, absorbed: 0.0 });
+        }
         add(&mut s, GeometryDesc::Rectangle, square(DVec3::ZERO, DVec3::Y, 3.0), metal);
         add(&mut s, GeometryDesc::Rectangle, square(DVec3::Y * 4.0, DVec3::NEG_Y, 30.0), white);
         let traced = walk(&Room::new(s), &aimed(20), ALL, Some(2));
@@ -118,9 +122,12 @@ fn roughness_decides_on_both_sides_of_the_threshold() {
         (of(PhotonClass::Caustic), of(PhotonClass::Indirect))
     };
     let threshold = crate::transport::NEARLY_SPECULAR_ALPHA;
-    let (below, above) = (lit(threshold * 0.99), lit(threshold * 1.01));
+    let (below, above) = (lit(threshold * 0.99, false), lit(threshold * 1.01, false));
     assert!(below.0 > 300 && below.1 == 0, "{below:?}");
     assert!(above.0 == 0 && above.1 > 300, "{above:?}");
+    // Half mirror, half rough: each lobe by its own roughness.
+    let blend = lit(threshold * 1.01, true);
+    assert!(blend.0 > 120 && blend.1 > 120, "{blend:?}");
 }
 
 #[test]
