@@ -142,6 +142,27 @@ impl<'a> Cutter<'a> {
         if self.source.has_position() { w[0] * w[1] * directions } else { directions }
     }
 
+    /// Faces, 1 for parallel light.
+    pub fn face_count(&self) -> usize {
+        self.faces.len().max(1)
+    }
+
+    /// Measure of all directions of the faces; of the square for parallel light.
+    pub fn whole_measure(&self) -> f64 {
+        if self.faces.is_empty() {
+            return 4.0;
+        }
+        self.faces.iter().map(|f| f.measure([-1.0, f.y[0]], [1.0, f.y[1]])).sum()
+    }
+
+    /// Measure of the cell's directions; of its part of the square for parallel light.
+    pub fn direction_measure(&self, cell: &Cell) -> f64 {
+        if self.faces.is_empty() {
+            return cell.width()[0] * cell.width()[1];
+        }
+        self.face(cell).measure([cell.lo[2], cell.lo[3]], [cell.hi[2], cell.hi[3]])
+    }
+
     /// Whether no direction of the cell lies in a spot's cone.
     fn is_outside_the_cone(&self, cell: &Cell) -> bool {
         let Kind::Delta(delta) = &self.source.kind else { return false };

@@ -254,6 +254,10 @@ impl<'a> EdgeAdaptive<'a> {
         &self.strata
     }
 
+    pub(super) fn cutter(&self, light: u32) -> Option<&Cutter<'a>> {
+        self.cutters.get(light as usize)?.as_ref()
+    }
+
     /// Figures of the partition.
     pub fn summary(&self) -> Summary {
         self.summary

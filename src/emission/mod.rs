@@ -9,13 +9,14 @@
 //! * `allocate`: photons per light, strata of positions
 //! * [`Uniform`]: natural density
 //! * [`EdgeAdaptive`]: strata by the edges that a light sees; `chart`, `cell`: what they are cut from; `interest`: which of them can
-//!   make a caustic
+//!   make a caustic; [`DensityMap`]: a picture of it
 
 mod allocate;
 mod area;
 mod cell;
 mod chart;
 mod delta;
+mod density_map;
 mod edge_adaptive;
 mod environment;
 mod interest;
@@ -26,6 +27,7 @@ mod uniform;
 mod warp;
 
 pub use cell::Cell;
+pub use density_map::DensityMap;
 pub use edge_adaptive::{EdgeAdaptive, Settings, Stratum, Summary};
 pub use source::{Drawn, Source, Start};
 pub use uniform::{Sequence, Uniform};

@@ -171,3 +171,52 @@ fn the_partition_is_the_same_for_any_number_of_threads() {
     assert_eq!(one, build(2));
     assert_eq!(one, build(7));
 }
+
+#[test]
+fn the_density_map_averages_to_one_and_is_bright_at_the_silhouette() {
+    use crate::emission::chart::{cube, hemicube};
+    for light in [0, 3] {
+        let scene = shadow_scene(light);
+        let accel = Accel::new(&scene.shapes);
+        let adaptive = EdgeAdaptive::new(&scene, &accel, 8000, &Settings::default(), 1);
+        let map = adaptive.density_map(0, 128).expect("it is cut");
+        let faces = if light == 0 { hemicube() } else { cube() };
+        assert_eq!((map.width, map.values.len()), (128 * faces.len(), 128 * 128 * faces.len()));
+        let (mut sum, mut whole) = (0.0, 0.0);
+        for (i, value) in map.values.iter().enumerate() {
+            let (face, at) = map.place(i % map.width, i / map.width);
+            let face = &faces[face];
+            if f64::from(at.y) > face.y[0] {
+                let measure = face.density(f64::from(at.x), f64::from(at.y));
+                sum += f64::from(*value) * measure;
+                whole += measure;
+            } else {
+                assert_eq!(*value, 0.0, "no cells there");
+            }
+        }
+        // Cells are not whole pixels.
+        assert!((sum / whole - 1.0).abs() < 0.05, "{light}: {}", sum / whole);
+        assert!(map.values.iter().fold(0f32, |m, v| m.max(*v)) > 1.5);
+        assert!(adaptive.density_map(1, 4).is_none(), "there is one light only");
+    }
+}
+
+#[test]
+fn learned_weights_move_photons_between_lights_and_not_flux() {
+    let v = DVec3::new;
+    let point = |x: f64| LightDesc::Point { position: v(x, 2.0, 0.0), intensity: Vec3::ONE };
+    let floor = shape(GeometryDesc::Rectangle, placed(DVec3::ZERO, v(3.0, 0.0, 0.0), v(0.0, 0.0, -3.0)), 0, None);
+    let scene = scene(vec![floor], vec![point(-1.0), point(1.0), LightDesc::Constant { radiance: Vec3::splat(0.01) }]);
+    let accel = Accel::new(&scene.shapes);
+    let mut adaptive = EdgeAdaptive::new(&scene, &accel, 4000, &Settings { cells: 300, ..Settings::default() }, 1);
+    let power: f64 = scene.lights.infos.iter().map(|l| f64::from(l.power.y)).sum();
+    let of = |d: &EdgeAdaptive, light: u32| {
+        (0..d.count()).filter(|&i| d.emit(i, 0).is_some_and(|r| r.light == light)).count()
+    };
+    let before = [0, 1, 2].map(|l| of(&adaptive, l));
+    adaptive.set_light_weights(&[0.0, 1.0, 0.0]);
+    let after = [0, 1, 2].map(|l| of(&adaptive, l));
+    assert!(after[1] > before[1] * 3 / 2 && after.iter().all(|&n| n > 0), "{before:?} {after:?}");
+    let (mean, _) = moments(&adaptive, 4, &|r| f64::from(r.flux.y));
+    assert!((mean / power - 1.0).abs() < 1e-4, "{mean} {power}");
+}

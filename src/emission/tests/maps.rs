@@ -1,13 +1,12 @@
 //! The maps of lights: derivatives against finite differences, inverses, determinants.
 
 use super::*;
-use crate::emission::source::Kind;
 use crate::emission::warp;
 use crate::math::stats::{chi_square_p, sidak};
 use std::f64::consts::{PI, TAU};
 
-/// Values at u +- h e_k and derivatives at u agree.
-fn differences(name: &str, source: &Source, u: [f64; 4], check: &mut usize) {
+/// Values at u +- h e_k and `factor` times the derivatives at u agree.
+fn differences(name: &str, source: &Source, u: [f64; 4], factor: f64, check: &mut usize) {
     // Positions are rounded to f32, and near the rim of a hemisphere derivatives grow without bound.
     let h = 1e-3;
     let Some((start, _)) = source.emit(u) else { return };
@@ -22,7 +21,7 @@ fn differences(name: &str, source: &Source, u: [f64; 4], check: &mut usize) {
             let (back, forth) = ((f(&start) - f(&a)) / h, (f(&b) - f(&start)) / h);
             (0.5 * (back + forth), (back - forth).length())
         };
-        for (f, want) in [(diff(|s| s.o.as_dvec3()), start.o_u[k]), (diff(|s| s.d), start.d_u[k])] {
+        for (f, want) in [(diff(|s| s.o.as_dvec3()), factor * start.o_u[k]), (diff(|s| s.d), factor * start.d_u[k])] {
             let (got, error) = f;
             // Where the differences to both sides disagree, there is a fold of the map or a rim.
             if error > 0.05 * (1.0 + want.length()) {
@@ -43,7 +42,7 @@ fn derivatives_are_those_of_the_map() {
         let source = Source::new(&scene, 0);
         let mut checks = 0;
         for i in 0..400 {
-            differences(name, &source, random(1, i), &mut checks);
+            differences(name, &source, random(1, i), 1.0, &mut checks);
         }
         assert!(checks > 800, "{name}: {checks} comparisons only");
     }
@@ -53,15 +52,7 @@ fn derivatives_are_those_of_the_map() {
 #[should_panic(expected = "wrong slope")]
 fn a_wrong_derivative_is_noticed() {
     let (_, scene) = every_light().swap_remove(0);
-    let mut source = Source::new(&scene, 0);
-    // The same differences on another lamp: half as wide.
-    let Kind::Lamp(lamp) = &mut source.kind else { unreachable!() };
-    lamp.cdf = vec![0.0, 2.0];
-    let mut checks = 0;
-    differences("wrong slope", &Source::new(&scene, 0), [0.3, 0.4, 0.5, 0.6], &mut checks);
-    let (start, _) = source.emit([0.3, 0.4, 0.5, 0.6]).unwrap();
-    let (right, _) = Source::new(&scene, 0).emit([0.3, 0.4, 0.5, 0.6]).unwrap();
-    assert!((start.o_u[0] - right.o_u[0]).length() < 1e-3, "wrong slope");
+    differences("wrong slope", &Source::new(&scene, 0), [0.3, 0.4, 0.5, 0.6], 1.03, &mut 0);
 }
 
 #[test]
