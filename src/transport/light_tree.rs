@@ -15,14 +15,16 @@
 //! Not handled visibility; splitting (callers draw several lights with stratified numbers); single-precision ties
 //! Verified by `tests`: pmf sums to 1, chi-square, what is left out sends nothing, brute-force importance
 
+mod bounds;
+#[cfg(test)]
+mod tests;
+
+use self::bounds::{Bounds, Prepared, split};
 use crate::math::sampler::{hash, refine, unit_f32};
 use crate::math::{Vec2, Vec3};
-use crate::scene::light::EmitterBounds;
 use crate::scene::{LightSample, Scene, SurfacePoint};
 use std::f32::consts::PI;
 
-/// Buckets per axis in which splits are looked for.
-const BUCKETS: usize = 12;
 /// The share of the tree against lights at infinity, and the reverse, is at least this where both can contribute.
 const LEAST_SHARE: f32 = 0.1;
 const NONE: u32 = u32::MAX;
@@ -58,7 +60,7 @@ pub struct LightTree {
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    bounds: Bounds,
+    bounds: Prepared,
     /// Inner nodes: the second child (the first comes next); leaves: the emitter.
     link: u32,
     is_leaf: bool,
@@ -73,138 +75,8 @@ enum Infinite {
     Environment(f32),
 }
 
-/// Bounds of a set of emitters.
-#[derive(Clone, Copy, Debug)]
-struct Bounds {
-    lo: Vec3,
-    hi: Vec3,
-    cone: Cone,
-    cos_emission: f32,
-    /// Sum of largest intensities.
-    strength: f32,
-}
-
-/// Directions up to an angle from an axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Cone {
-    axis: Vec3,
-    cos: f32,
-}
-
-impl Cone {
-    const ALL: Cone = Cone { axis: Vec3::Z, cos: -1.0 };
-
-    /// The smallest cone that holds both, or nearly so.
-    fn union(self, other: Cone) -> Cone {
-        let angle = |c: f32| f64::from(c.clamp(-1.0, 1.0)).acos();
-        let (a, b) = (angle(self.cos), angle(other.cos));
-        let between = {
-            let (u, v) = (self.axis.as_dvec3(), other.axis.as_dvec3());
-            u.cross(v).length().atan2(u.dot(v))
-        };
-        if between + b <= a {
-            return self;
-        }
-        if between + a <= b {
-            return other;
-        }
-        let half = 0.5 * (a + between + b);
-        let turn = self.axis.cross(other.axis);
-        if half >= std::f64::consts::PI || turn.length_squared() < 1e-12 {
-            return if turn.length_squared() < 1e-12 && self.axis.dot(other.axis) > 0.0 {
-                Cone { axis: self.axis, cos: (self.cos.min(other.cos) - 1e-5).max(-1.0) }
-            } else {
-                Cone::ALL
-            };
-        }
-        // From this axis towards the other one.
-        let side = turn.normalize().cross(self.axis);
-        let (sin, cos) = ((half - a) as f32).sin_cos();
-        Cone { axis: (self.axis * cos + side * sin).normalize(), cos: half.cos() as f32 }
-    }
-}
-
-/// cos(max(0, a - b)) from sines and cosines of angles in [0, pi].
-fn cos_difference((sin_a, cos_a): (f32, f32), (sin_b, cos_b): (f32, f32)) -> f32 {
-    if cos_a > cos_b { 1.0 } else { cos_a * cos_b + sin_a * sin_b }
-}
-
-/// sin(max(0, a - b)).
-fn sin_difference((sin_a, cos_a): (f32, f32), (sin_b, cos_b): (f32, f32)) -> f32 {
-    if cos_a > cos_b { 0.0 } else { sin_a * cos_b - cos_a * sin_b }
-}
-
-fn with_sine(cos: f32) -> (f32, f32) {
-    ((1.0 - cos * cos).max(0.0).sqrt(), cos)
-}
-
-impl Bounds {
-    fn of(e: &EmitterBounds) -> Self {
-        let cone = Cone { axis: e.axis, cos: e.cos_normals };
-        Bounds { lo: e.bounds.0, hi: e.bounds.1, cone, cos_emission: e.cos_emission, strength: e.intensity }
-    }
-
-    fn union(self, o: Bounds) -> Self {
-        Bounds {
-            lo: self.lo.min(o.lo),
-            hi: self.hi.max(o.hi),
-            cone: self.cone.union(o.cone),
-            cos_emission: self.cos_emission.min(o.cos_emission),
-            strength: self.strength + o.strength,
-        }
-    }
-
-    fn centre(&self) -> Vec3 {
-        0.5 * (self.lo + self.hi)
-    }
-
-    /// Strength times the solid angle of emission times surface area: the cost of Conty Estevez and Kulla's eq. 1.
-    fn cost(&self, stretch: f32) -> f32 {
-        let (o, e) = (self.cone.cos.clamp(-1.0, 1.0).acos(), self.cos_emission.clamp(-1.0, 1.0).acos());
-        let w = (o + e).min(PI);
-        let sin_o = o.sin();
-        let measure =
-            2.0 * PI * (1.0 - o.cos()) + 0.5 * PI * (2.0 * w * sin_o - (o - 2.0 * w).cos() - 2.0 * o * sin_o + o.cos());
-        let d = self.hi - self.lo;
-        self.strength * measure * stretch * (d.x * d.y + d.y * d.z + d.z * d.x)
-    }
-
-    /// Importance at a point.
-    fn importance(&self, at: &LitPoint) -> f32 {
-        let to = self.centre() - at.p;
-        let half = 0.5 * (self.hi - self.lo);
-        let radius2 = half.length_squared();
-        let true_d2 = to.length_squared();
-        let d2 = true_d2.max(radius2);
-        if !(d2 > 0.0) {
-            return if self.strength > 0.0 { f32::MAX.sqrt() } else { 0.0 };
-        }
-        let wi = if true_d2 > 0.0 { to / true_d2.sqrt() } else { Vec3::Z };
-        // Angle under which the bounding sphere is seen, a little larger against rounding.
-        let sin2 = radius2 / true_d2 * 1.00001 + 1e-7;
-        let around = if sin2 < 1.0 { (sin2.sqrt(), (1.0 - sin2).sqrt()) } else { (0.0, -1.0) };
-        let theta = with_sine((-wi).dot(self.cone.axis).clamp(-1.0, 1.0));
-        let normals = with_sine((self.cone.cos - 1e-6).max(-1.0));
-        let left = (sin_difference(theta, normals), cos_difference(theta, normals));
-        let cos = cos_difference(left, around);
-        if cos <= self.cos_emission - 1e-6 {
-            return 0.0;
-        }
-        let mut importance = self.strength * cos.max(0.01) / d2;
-        if let Some(n) = at.n {
-            // Above the plane? A box is above it where its farthest corner is.
-            let reach = to.dot(n) + half.dot(n.abs());
-            if reach <= -1e-6 * (to.abs().max_element() + half.max_element()) {
-                return 0.0;
-            }
-            importance *= cos_difference(with_sine(wi.dot(n).clamp(-1.0, 1.0)), around).max(1e-3);
-        }
-        importance
-    }
-}
-
 impl Infinite {
-    /// On the scale of [`Bounds::importance`]: irradiance.
+    /// On the scale of [`Prepared::importance`]: irradiance.
     fn importance(&self, at: &LitPoint) -> f32 {
         match self {
             Infinite::Parallel(towards, e) => e * at.n.map_or(1.0, |n| n.dot(*towards).max(0.0)),
@@ -250,18 +122,19 @@ impl LightTree {
         let index = self.nodes.len() as u32;
         if let [(bounds, emitter)] = list {
             self.leaf[*emitter as usize] = index;
-            self.nodes.push(Node { bounds: *bounds, link: *emitter, is_leaf: true, parent });
+            let bounds_here = Prepared::new(bounds);
+            self.nodes.push(Node { bounds: bounds_here, link: *emitter, is_leaf: true, parent });
             return *bounds;
         }
         let middle = split(list);
         let (left, right) = list.split_at_mut(middle);
         // Its bounds follow from the children's.
-        self.nodes.push(Node { bounds: left[0].0, link: NONE, is_leaf: false, parent });
+        self.nodes.push(Node { bounds: Prepared::new(&left[0].0), link: NONE, is_leaf: false, parent });
         let first = self.build(left, index);
         let second = self.nodes.len() as u32;
         let bounds = first.union(self.build(right, index));
         let node = &mut self.nodes[index as usize];
-        (node.bounds, node.link) = (bounds, second);
+        (node.bounds, node.link) = (Prepared::new(&bounds), second);
         bounds
     }
 
@@ -372,42 +245,3 @@ impl LightTree {
         pmf
     }
 }
-
-/// Reorders the list and returns where to cut it, within it.
-fn split(list: &mut [(Bounds, u32)]) -> usize {
-    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (lo, hi) = list.iter().fold(empty, |b, (x, _)| (b.0.min(x.centre()), b.1.max(x.centre())));
-    let extent = hi - lo;
-    let bucket = |b: &Bounds, axis: usize| {
-        let x = (b.centre()[axis] - lo[axis]) / extent[axis];
-        ((x * BUCKETS as f32) as usize).min(BUCKETS - 1)
-    };
-    let mut best: Option<(f32, usize, usize)> = None;
-    for axis in (0..3).filter(|&a| extent[a] > 0.0) {
-        let mut buckets: [Option<Bounds>; BUCKETS] = [None; BUCKETS];
-        for (b, _) in list.iter() {
-            let slot = &mut buckets[bucket(b, axis)];
-            *slot = Some(slot.map_or(*b, |s| s.union(*b)));
-        }
-        let join = |part: &[Option<Bounds>]| part.iter().flatten().copied().reduce(Bounds::union);
-        // Thin boxes cost more to cut the short way.
-        let stretch = extent.max_element() / extent[axis];
-        for cut in 1..BUCKETS {
-            let (Some(a), Some(b)) = (join(&buckets[..cut]), join(&buckets[cut..])) else { continue };
-            let cost = a.cost(stretch) + b.cost(stretch);
-            if best.is_none_or(|(c, ..)| cost < c) {
-                best = Some((cost, axis, cut));
-            }
-        }
-    }
-    let middle = list.len() / 2;
-    let Some((_, axis, cut)) = best else { return middle };
-    // A stable partition.
-    list.sort_by_key(|(b, _)| bucket(b, axis) >= cut);
-    let first = list.iter().take_while(|(b, _)| bucket(b, axis) < cut).count();
-    if first == 0 || first == list.len() { middle } else { first }
-}
-
-#[cfg(test)]
-#[path = "light_tree_tests.rs"]
-mod tests;

@@ -1,5 +1,6 @@
 //! Probabilities of the tree against itself, against what lights really send, and against brute force.
 
+use super::bounds::Cone;
 use super::*;
 use crate::formats::{LoadOptions, mitsuba_xml::load_text};
 use crate::math::stats::{chi_square_p, sidak};
