@@ -9,10 +9,6 @@ use crate::transport::{CausticMap, NEARLY_SPECULAR_ALPHA, World};
 /// Photons of a pass, if nothing is said: as many as pixels, within these bounds.
 const AUTOMATIC: [usize; 2] = [1 << 15, 1 << 18];
 
-/// Width of footprint kernels in the first pass, in standard deviations of the footprints. Narrower than the 2 to 2.5 that are best for a
-/// picture of a single pass: noise falls with the passes by itself, blur only by smaller kernels.
-const SCALE: f32 = 1.0;
-
 /// Emission and kernels of caustic photons.
 pub struct Caustics<'a> {
     world: World<'a>,
@@ -43,7 +39,6 @@ impl<'a> Caustics<'a> {
             kernel: settings.kernel,
             max_depth: settings.path.max_depth,
             rr_depth: settings.path.rr_depth,
-            scale: SCALE,
             ..MapSettings::default()
         };
         Some(Caustics { world, density, map })

@@ -192,7 +192,7 @@ impl Bsdf {
             let weight = value * (self.first.weight * factor);
             let known = all.last().is_some_and(|first: &BsdfSample| first.wi == wi);
             if !known && weight.is_finite() && weight.max_element() > 0.0 {
-                all.push(BsdfSample { wi, weight, pdf_dir: 0.0, lobe: s.kind, eta: s.eta });
+                all.push(BsdfSample { wi, weight, pdf_dir: 0.0, lobe: s.kind, eta: s.eta, pmf: 1.0 });
             }
         }
         Some(all)
