@@ -1,7 +1,7 @@
 //! Indirect irradiance at the pixels of a scene by the cache and by brute force: errors and CPU seconds.
 //!
 //! `cargo run --release --example indirect_cache -- SCENE.xml [key=value ...]`
-//! with the keys error, rays, surfel-rays, light-samples, min (pixels), max (share), stride (finest level), size (width of the
+//! with the keys error, rays, cell, surfel-rays, light-samples, min (pixels), max (share), stride (finest level), size (width of the
 //! image), paths (per reference pixel, 0 = no reference), grid (reference pixels in a row), reference (file to keep them in).
 //!
 //! The reference is path traced from each point of a coarse grid in two halves A, B; the error is
@@ -12,13 +12,13 @@ use dualux::formats::{LoadOptions, load};
 use dualux::math::sampler::hash;
 use dualux::math::{Frame, Rgb, Sampler, Vec2, Vec3, luminance, warp};
 use dualux::scene::Scene;
-use dualux::transport::gather_ray::RayCounts;
+use dualux::transport::gather_ray::{RayCounts, glossy_direct};
 use dualux::transport::surfel_light::direct_irradiance;
 use dualux::transport::surfels::Facet;
 use dualux::transport::{CacheSettings, HitLight, IrradianceCache, Place, World};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// User and system time of this process, seconds (resolution 10 ms).
 fn cpu_seconds() -> f64 {
@@ -58,7 +58,12 @@ fn brute_force(world: &World, at: &Facet, paths: std::ops::Range<u64>, stream: u
             let frame = Frame::from_normal(place.n_shade);
             let d = frame.to_world(warp::sample_cosine_hemisphere(rng.next_2d()));
             let o = place.surface_point().spawn_origin(d);
-            let Some(end) = world.gather(o, d, &mut rng, &mut counts, |_| {}).end else { break };
+            let mut glossy = Vec::new();
+            let end = world.gather(o, d, &mut rng, &mut counts, |l| glossy.push(l)).end;
+            for l in &glossy {
+                sum += throughput * glossy_direct(world, l, &mut rng, &mut counts) * PI;
+            }
+            let Some(end) = end else { break };
             throughput *= end.weight;
             place = Facet::seen_from(&end.at, end.wo);
             sum += throughput * direct_irradiance(world, &place, 1, hash(stream, depth), i, &mut counts);
@@ -97,6 +102,7 @@ fn main() {
         light_samples: value("light-samples", d.light_samples as f32) as u32,
         min_radius_pixels: value("min", d.min_radius_pixels),
         max_radius: value("max", d.max_radius),
+        surfel_cell: value("cell", d.surfel_cell),
         seed: value("seed", 0.0) as u64,
     };
     let none = |_: Vec3, _: Vec3| Rgb::ZERO;
@@ -148,6 +154,43 @@ fn main() {
             }
         }
         std::fs::write(file, bytes).expect("the picture is written");
+    }
+
+    if let Some(light) = cache.surfels() {
+        // Where the brightest records have their light from.
+        let mut order: Vec<usize> = (0..cache.records().len()).collect();
+        let bright = |i: usize| luminance(cache.records()[i].irradiance);
+        order.sort_by(|&a, &b| bright(b).total_cmp(&bright(a)));
+        let median = order.get(order.len() / 2).map_or(0.0, |&i| bright(i));
+        for &i in order.iter().take(value("brightest", 0.0) as usize) {
+            let sent = |h: &dualux::transport::gather_cache::GatherHit| {
+                light.irradiance().get(h.surfel as usize).map_or(0.0, |e| luminance(h.weight * *e))
+            };
+            let mut hits: Vec<_> = cache.gather_rays().hits(i).iter().map(|h| (sent(h), h)).collect();
+            hits.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let n = hits.len() as f32;
+            let diffuse: f32 = hits.iter().map(|h| h.0).sum::<f32>() / n;
+            let top: Vec<String> = hits
+                .iter()
+                .take(4)
+                .map(|(l, h)| {
+                    format!(
+                        "{:.2} of weight {:.1} at {:.3}",
+                        l / n / bright(i),
+                        luminance(h.weight),
+                        1.0 / h.inverse_distance
+                    )
+                })
+                .collect();
+            println!(
+                "record {i} at {}: {:.1} x median, radii {}, diffuse ends {:.0} %: {}",
+                cache.records()[i].p,
+                bright(i) / median,
+                cache.records()[i].radii,
+                100.0 * diffuse / bright(i),
+                top.join("; ")
+            );
+        }
     }
 
     let paths = value("paths", 1024.0) as u64;

@@ -148,7 +148,7 @@ fn statistics_and_error_curve() {
     let (dir, exr) = scratch("r.exr");
     let (exr, json) = (exr.to_str().unwrap(), dir.path().join("s.json"));
     let cornell = scene("cornell-box.xml");
-    let args = ["render", &cornell, "-o", exr, "--scale", "0.1", "--spp", "4", "-q"];
+    let args = ["render", &cornell, "--integrator", "path", "-o", exr, "--scale", "0.1", "--spp", "4", "-q"];
     assert!(dualux(&args).status.success());
     let more = ["--seed", "9", "--reference", exr, "--stats-json", json.to_str().unwrap()];
     let out = dualux(&[&args[..], &more[..]].concat());
@@ -167,7 +167,7 @@ fn replay_takes_the_same_sample_again() {
     let cornell = scene("cornell-box.xml");
     let args = ["render", &cornell, "--scale", "0.1", "--replay", "20,30,7"];
     let (a, b) = (stdout(&dualux(&args)), stdout(&dualux(&args)));
-    assert!(a.contains("pixel 20,30 pass 7") && a == b, "{a}{b}");
+    assert!(a.contains("pixel 20,30 sample 7 of pass 7") && a == b, "{a}{b}");
 }
 
 #[test]

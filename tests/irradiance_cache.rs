@@ -204,12 +204,16 @@ fn mirrors_and_glossy_walls_pass_the_light_on() {
         let floor = |at: &SurfacePoint| at.n_geo.y > 0.9 && at.p.x < 0.8;
         let places = ready.places(Vec3::new(0.1, 0.2, -0.3), 1500, floor);
         let cache = fill(ready.world(), CacheSettings::default(), &places, &HitLight::Operator { caustic: &nothing });
-        for place in places.iter().step_by(places.len() / 4) {
+        let mut mean = [0.0; 2];
+        for place in places.iter().step_by(places.len() / 8) {
             // Where the metal is smooth neither side has its caustics; where it is rough both sample its light.
-            let (expected, error) = with_glossy(&ready.world(), &place.facet, 40_000, k);
+            let (expected, error) = with_glossy(&ready.world(), &place.facet, 20_000, k);
             let got = look(&cache, place).x;
-            assert!((got - expected).abs() < 0.05 * expected + 4.0 * error, "{k}: {got}, not {expected} +- {error}");
+            assert!((got - expected).abs() < 0.1 * expected + 4.0 * error, "{k}: {got}, not {expected} +- {error}");
+            mean[0] += got;
+            mean[1] += expected;
         }
+        assert!((mean[0] / mean[1] - 1.0).abs() < 0.03, "{k}: {mean:?}");
     }
 }
 
@@ -344,7 +348,9 @@ fn no_light_leaks_through_a_thin_wall() {
         let settings = CacheSettings { error: 0.1, ..CacheSettings::default() };
         let cache = fill(ready.world(), settings, &places, &HitLight::Operator { caustic: &nothing });
         let on_wall = |p: &Place| (p.facet.p.x - 0.0013).abs() < 1e-5 && p.facet.n_geo.x.abs() > 0.9;
-        let dark = |p: &Place| if on_wall(p) { p.facet.n_geo.x > 0.0 } else { p.facet.p.x > 0.0014 };
+        // At the very foot of the wall rounding decides on which side a place lies.
+        places.retain(|p| on_wall(p) || (p.facet.p.x - 0.0013).abs() > 1e-4);
+        let dark = |p: &Place| if on_wall(p) { p.facet.n_geo.x > 0.0 } else { p.facet.p.x > 0.0013 };
         let (mut leak, mut lit) = (0f32, f32::INFINITY);
         for place in &places {
             let e = look(&cache, place).x;

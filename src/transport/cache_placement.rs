@@ -1,7 +1,7 @@
 //! Places for records all over the scene, whatever the camera sees.
 //!
 //! * [`pierced_places`]: at every surface that rays from some points inside the scene pierce (they go on behind it)
-//! * [`uniform_places`]: uniform by area on both sides of all diffuse surfaces
+//! * [`UniformPlaces`]: uniform by area on both sides of all diffuse surfaces
 //!
 //! Coverage    the first kind thins out at edges and grazing surfaces and guarantees nothing. With the second, let every
 //!             point be within D of a place. The places are covered at d < 1, look-ups reach to d < b (`cache_record.rs`), so

@@ -10,7 +10,7 @@
 
 use super::World;
 use super::cache_file::{Stored, stored};
-use super::gather_ray::{GlossyVertex, RayCounts, glossy_direct};
+use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
 use super::surfel_light::SurfelLight;
@@ -111,9 +111,9 @@ pub struct GatherCache {
     depths: Vec<[f32; 2]>,
     /// Radiance of the sky for each hit's cell; empty where the sky is not gathered.
     sky: Vec<Rgb>,
-    /// Glossy vertices by index of the hit.
-    glossy: Vec<(u32, GlossyVertex)>,
-    /// What they scatter from lamps.
+    /// Light by glossy surfaces, by index of the hit.
+    glossy: Vec<(u32, GlossyLight)>,
+    /// What it amounts to.
     scattered: Vec<Rgb>,
 }
 
@@ -126,7 +126,7 @@ struct Traced {
 /// What a few records have gathered.
 struct Gathered {
     hits: Vec<Traced>,
-    glossy: Vec<(u32, GlossyVertex)>,
+    glossy: Vec<(u32, GlossyLight)>,
     sky: Vec<Rgb>,
     counts: RayCounts,
 }

@@ -1,13 +1,13 @@
 //! One gather ray: from a point over specular surfaces to where its radiance comes from irradiance.
 //!
-//! Estimates   L_ind(x, w) = weight / pi x E(end) + sum of `glossy_direct` over glossy vertices, E = irradiance at the end
+//! Estimates   L_ind(x, w) = weight / pi x E(end) + sum of `glossy_direct`, E = irradiance at the end of the ray
 //! Meaning     light that an emitter or the environment sends to x directly, or by specular reflection and refraction
 //!             alone, counts zero: it belongs to direct light and to the caustic map
 //! Chain       a surface is split into its diffuse part and the rest. The ray ends on the diffuse part with the
 //!             probability p_d = albedo_d / (albedo_d + albedo_rest) and weight T albedo_d / p_d; else it follows a sample
 //!             of the rest with T f cos / (pdf (1 - p_d)). Where the rest is rougher than [`NEARLY_SPECULAR_ALPHA`],
-//!             its share of the lamps' light is added by one light
-//!             sample, [`glossy_direct`]
+//!             lamps light it: by a light sample, and by what the ray meets next, with the power heuristic (the ray's
+//!             density is (1 - p_d) pdf): [`glossy_direct`]
 //! Measure     light and BSDF densities per solid angle at the surface they belong to
 //! Source      Jensen 1996, "Global Illumination using Photon Maps" (the split of light); Yue, Onoue and Nishita
 //! Bias        the diffuse part answers with its albedo towards the ray, whatever the direction its light comes from (exact
@@ -15,8 +15,8 @@
 //!             [`MAX_CHAIN`] end
 //! Verified by tests/irradiance_cache.rs: closed furnaces with Lambert, mirror and mixed walls
 
-use super::cache_file::stored;
-use super::{NEARLY_SPECULAR_ALPHA, World};
+use super::cache_file::{Stored, stored};
+use super::{NEARLY_SPECULAR_ALPHA, World, power_heuristic};
 use crate::accel::Ray;
 use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::{LightSample, LobeKind, SurfacePoint, Transport};
@@ -35,15 +35,31 @@ pub struct DiffuseEnd {
     pub weight: Rgb,
 }
 
-/// A glossy surface on the way, lit by lamps: what a change of the light has to evaluate anew.
+/// Light that a gather ray gets by a rough glossy surface, in a form that another light can evaluate anew.
 #[derive(Clone, Copy, Debug)]
-pub struct GlossyVertex {
-    /// The surface.
-    pub at: SurfacePoint,
-    /// Towards where the ray came from, unit.
-    pub wo: Vec3,
-    /// Throughput up to there.
-    pub throughput: Rgb,
+pub enum GlossyLight {
+    /// The surface, to be lit by a light sample.
+    Vertex {
+        /// The surface.
+        at: SurfacePoint,
+        /// Towards where the ray came from, unit.
+        wo: Vec3,
+        /// Throughput up to there.
+        throughput: Rgb,
+    },
+    /// What the ray met after it: possibly a lamp, or what lies at infinity (`None`).
+    Met {
+        /// The surface that was met.
+        at: Option<SurfacePoint>,
+        /// Direction of the ray, unit.
+        d: Vec3,
+        /// The glossy surface it came from.
+        from: Vec3,
+        /// Density per solid angle with which the direction was drawn there.
+        pdf_dir: f32,
+        /// Throughput up to here.
+        throughput: Rgb,
+    },
 }
 
 /// What a gather ray found.
@@ -68,7 +84,41 @@ pub struct RayCounts {
 
 stored!(RayCounts { rays, shadow_rays });
 stored!(SurfacePoint { p, p_error, n_geo, n_shade, uv, dp_du, dp_dv, shape, prim });
-stored!(GlossyVertex { at, wo, throughput });
+
+impl Stored for GlossyLight {
+    fn put(&self, out: &mut Vec<u8>) {
+        match *self {
+            GlossyLight::Vertex { at, wo, throughput } => {
+                0u8.put(out);
+                at.put(out);
+                wo.put(out);
+                throughput.put(out);
+            }
+            GlossyLight::Met { at, d, from, pdf_dir, throughput } => {
+                1u8.put(out);
+                at.put(out);
+                d.put(out);
+                from.put(out);
+                pdf_dir.put(out);
+                throughput.put(out);
+            }
+        }
+    }
+
+    fn take(f: &mut &[u8]) -> Option<Self> {
+        Some(match u8::take(f)? {
+            0 => GlossyLight::Vertex { at: Stored::take(f)?, wo: Stored::take(f)?, throughput: Stored::take(f)? },
+            1 => GlossyLight::Met {
+                at: Stored::take(f)?,
+                d: Stored::take(f)?,
+                from: Stored::take(f)?,
+                pdf_dir: Stored::take(f)?,
+                throughput: Stored::take(f)?,
+            },
+            _ => return None,
+        })
+    }
+}
 
 impl std::ops::AddAssign for RayCounts {
     fn add_assign(&mut self, o: RayCounts) {
@@ -78,22 +128,29 @@ impl std::ops::AddAssign for RayCounts {
 }
 
 impl World<'_> {
-    /// Follows a gather ray from `o` along the unit vector `d`; `on_glossy` is told of each rough glossy vertex.
+    /// Follows a gather ray from `o` along the unit vector `d`; `on_glossy` is told of light by rough glossy surfaces.
     pub fn gather(
         &self,
         o: Vec3,
         d: Vec3,
         rng: &mut Sampler,
         counts: &mut RayCounts,
-        mut on_glossy: impl FnMut(GlossyVertex),
+        mut on_glossy: impl FnMut(GlossyLight),
     ) -> GatherEnd {
         let mut ray = Ray { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
         let mut found = GatherEnd { distance: 0.0, normal: -d, end: None };
         let (mut throughput, mut straight) = (Rgb::ONE, true);
+        // Where the last glossy direction was drawn, and with what density.
+        let mut glossy: Option<(Vec3, f32)> = None;
         for _ in 0..MAX_CHAIN {
             counts.rays += 1;
             let Some(hit) = self.accel.closest(&ray) else {
                 found.distance = f32::INFINITY;
+                if let Some((from, pdf_dir)) = glossy
+                    && self.scene.lights.pdf_dir_environment(ray.d) > 0.0
+                {
+                    on_glossy(GlossyLight::Met { at: None, d: ray.d, from, pdf_dir, throughput });
+                }
                 return found;
             };
             found.distance += hit.t;
@@ -103,14 +160,21 @@ impl World<'_> {
                 found.normal = if at.n_geo.dot(wo) < 0.0 { -at.n_geo } else { at.n_geo };
             }
 
+            if let Some((from, pdf_dir)) = glossy
+                && self.scene.shapes[at.shape as usize].emission.is_some()
+            {
+                on_glossy(GlossyLight::Met { at: Some(at), d: ray.d, from, pdf_dir, throughput });
+            }
+
             let (diffuse, rest) = self.bsdf(&at, wo).split();
             let albedo = diffuse.map_or(Rgb::ZERO, |b| b.albedo(wo));
             let Some(rest) = rest else {
                 found.end = usable(DiffuseEnd { at, wo, weight: throughput * albedo });
                 return found;
             };
-            if !rest.is_delta() && rest.min_alpha() >= NEARLY_SPECULAR_ALPHA {
-                on_glossy(GlossyVertex { at, wo, throughput });
+            let rough = !rest.is_delta() && rest.min_alpha() >= NEARLY_SPECULAR_ALPHA;
+            if rough {
+                on_glossy(GlossyLight::Vertex { at, wo, throughput });
             }
             let [ux, uy, u_lobe, u_end] = rng.next_4d();
             let (d_share, r_share) = (luminance(albedo), luminance(rest.albedo(wo)));
@@ -121,9 +185,13 @@ impl World<'_> {
             }
             let Some(s) = rest.sample(wo, u_lobe, Vec2::new(ux, uy), Transport::Radiance) else { return found };
             throughput *= s.weight / (1.0 - p_end);
-            if s.lobe != LobeKind::Null && straight {
-                straight = false;
-                found.normal = -d;
+            if s.lobe != LobeKind::Null {
+                // The light sample at the vertex competes with its own lobe only where that has a density.
+                glossy = (rough && s.pdf_dir > 0.0).then_some((at.p, s.pdf_dir * (1.0 - p_end)));
+                if straight {
+                    straight = false;
+                    found.normal = -d;
+                }
             }
             ray = Ray { o: at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
         }
@@ -135,23 +203,46 @@ fn usable(end: DiffuseEnd) -> Option<DiffuseEnd> {
     (end.weight.is_finite() && end.weight.max_element() > 0.0).then_some(end)
 }
 
-/// Throughput times the radiance that the rest of the material at a vertex scatters from the lamps: one light sample.
-pub fn glossy_direct(world: &World, vertex: &GlossyVertex, rng: &mut Sampler, counts: &mut RayCounts) -> Rgb {
+/// Throughput times radiance: of a vertex by one light sample of what the rest of its material scatters, of what was met by
+/// its emission; the two weighted by the power heuristic.
+pub fn glossy_direct(world: &World, light: &GlossyLight, rng: &mut Sampler, counts: &mut RayCounts) -> Rgb {
+    let value = match light {
+        GlossyLight::Vertex { at, wo, throughput } => *throughput * scattered(world, at, *wo, rng, counts),
+        GlossyLight::Met { at, d, from, pdf_dir, throughput } => {
+            let scene = world.scene;
+            let (radiance, pdf_light) = match at {
+                Some(at) => (
+                    scene.lights.emitted(&scene.shapes, scene.textures(), at, -*d),
+                    scene.lights.pdf_dir_surface(&scene.shapes, *from, at),
+                ),
+                None => (scene.lights.environment(scene.textures(), *d), scene.lights.pdf_dir_environment(*d)),
+            };
+            *throughput * radiance * power_heuristic(*pdf_dir, pdf_light)
+        }
+    };
+    if value.is_finite() { value } else { Rgb::ZERO }
+}
+
+/// Radiance that the rest of the material at a glossy vertex scatters from the lamps, by one weighted light sample.
+fn scattered(world: &World, at: &SurfacePoint, wo: Vec3, rng: &mut Sampler, counts: &mut RayCounts) -> Rgb {
     let scene = world.scene;
     let [ux, uy, u_light, _] = rng.next_4d();
-    let (GlossyVertex { at, wo, throughput }, (_, Some(rest))) = (vertex, world.bsdf(&vertex.at, vertex.wo).split())
-    else {
-        return Rgb::ZERO;
-    };
-    let Some(LightSample { wi, distance, weight, .. }) =
+    let (diffuse, rest) = world.bsdf(at, wo).split();
+    let Some(rest) = rest else { return Rgb::ZERO };
+    let Some(LightSample { wi, distance, weight, pdf_dir, .. }) =
         scene.lights.sample(&scene.shapes, scene.textures(), at.p, u_light, Vec2::new(ux, uy))
     else {
         return Rgb::ZERO;
     };
-    let value = *throughput * rest.eval(*wo, wi, Transport::Radiance) * weight;
-    if value == Rgb::ZERO || !value.is_finite() {
+    let (f, pdf_rest) = rest.eval_pdf(wo, wi, Transport::Radiance);
+    let value = f * weight;
+    if value == Rgb::ZERO {
         return Rgb::ZERO;
     }
+    // The ray goes on from here with this probability only.
+    let (d_share, r_share) = (diffuse.map_or(0.0, |b| luminance(b.albedo(wo))), luminance(rest.albedo(wo)));
+    let follows = r_share / (d_share + r_share);
+    let mis = if pdf_dir == 0.0 { 1.0 } else { power_heuristic(pdf_dir, pdf_rest * follows) };
     counts.shadow_rays += 1;
-    value * world.transmittance(world.shadow_ray(at, wi, distance), false).share
+    value * (mis * world.transmittance(world.shadow_ray(at, wi, distance), false).share)
 }

@@ -37,7 +37,7 @@ use super::gather_cache::GatherCache;
 use super::gather_ray::RayCounts;
 use super::sphere_octree::SphereOctree;
 use super::surfel_light::{HitLight, SurfelLight, SurfelSettings};
-use super::surfels::{CELL_PER_DISTANCE, Facet};
+use super::surfels::Facet;
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec3, luminance, warp};
 use crate::scene::SurfacePoint;
@@ -47,8 +47,6 @@ use rayon::prelude::*;
 const ROUND: (usize, usize) = (64, 1024);
 /// Places that are examined for the length of gather rays, and rays at each.
 const PILOT: (usize, u32) = (256, 8);
-/// Edge of the largest surfel cells over the median length of gather rays.
-const CELL_OF_MEDIAN: f32 = 0.6 * CELL_PER_DISTANCE;
 /// Share of the mean irradiance to which errors are relative in darker places.
 const DARK: f32 = 0.1;
 /// A scene is given up if of so many records, or more, this share has the least radius.
@@ -69,6 +67,9 @@ pub struct CacheSettings {
     pub min_radius_pixels: f32,
     /// Greatest radius of a record, as a share of the scene's diameter.
     pub max_radius: f32,
+    /// Edge of the largest surfel cells over the median length of gather rays: the bias of the light at hits goes to zero
+    /// with it.
+    pub surfel_cell: f32,
     /// Gather rays per surfel.
     pub surfel_rays: u32,
     /// Light samples per surfel.
@@ -84,6 +85,7 @@ impl Default for CacheSettings {
             gather_rays: 256,
             min_radius_pixels: 2.0,
             max_radius: 0.1,
+            surfel_cell: 0.03,
             surfel_rays: 16,
             light_samples: 8,
             seed: 0,
@@ -91,7 +93,16 @@ impl Default for CacheSettings {
     }
 }
 
-stored!(CacheSettings { error, gather_rays, min_radius_pixels, max_radius, surfel_rays, light_samples, seed });
+stored!(CacheSettings {
+    error,
+    gather_rays,
+    min_radius_pixels,
+    max_radius,
+    surfel_cell,
+    surfel_rays,
+    light_samples,
+    seed
+});
 
 /// A place where irradiance will be asked for.
 #[derive(Clone, Copy, Debug)]
@@ -174,6 +185,16 @@ impl<'a> IrradianceCache<'a> {
     /// The records.
     pub fn records(&self) -> &[Record] {
         &self.records
+    }
+
+    /// The hits of the records.
+    pub fn gather_rays(&self) -> &GatherCache {
+        &self.gather
+    }
+
+    /// The surfels, once there are any.
+    pub fn surfels(&self) -> Option<&SurfelLight> {
+        self.light.as_ref()
     }
 
     /// What has been done so far.
@@ -314,7 +335,7 @@ impl<'a> IrradianceCache<'a> {
         lengths.sort_by(f32::total_cmp);
         let radius = self.world.scene.bounds.1;
         let median = lengths.get(lengths.len() / 2).copied().unwrap_or(radius);
-        CELL_OF_MEDIAN * median.clamp(1e-4 * radius, radius)
+        self.settings.surfel_cell * median.clamp(1e-4 * radius, radius)
     }
 
     fn uncovered(&self, places: &[Place], candidates: Vec<u32>) -> Vec<u32> {

@@ -10,7 +10,7 @@
 //! times the sum of what glossy vertices of the rays scatter from lamps; weight_r = throughput times albedo at the end of
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
 //! Solved by sweeps in the order of the surfels (Gauss-Seidel), which converge at least like albedo^k, to
-//! [`CONVERGED`] of the mean.
+//! 1e-4 of the mean.
 //! Rays of surfels found the next ones, in the largest cells and once: ends of *their* rays for which there is no surfel take one in the
 //! neighbourhood, and where there is none the rest of the row stands for the lost rays.
 //! Source      METHODS: direct-to-indirect transfer over clustered hits; cf. Hasan, Pellacini, Bala 2006
@@ -19,7 +19,7 @@
 
 use super::World;
 use super::cache_file::stored;
-use super::gather_ray::{GlossyVertex, RayCounts, glossy_direct};
+use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3, luminance, warp};
@@ -112,8 +112,8 @@ pub struct SurfelLight {
     /// End of the surfel's row in `entries`.
     row_ends: Vec<u32>,
     entries: Vec<Entry>,
-    /// Glossy vertices with the index of their surfel.
-    glossy: Vec<(u32, GlossyVertex)>,
+    /// Light by glossy surfaces with the index of their surfel.
+    glossy: Vec<(u32, GlossyLight)>,
 }
 
 stored!(SurfelSettings { light_samples, gather_rays, seed });
@@ -367,7 +367,8 @@ fn samples_needed(world: &World, surfels: &Surfels, settings: SurfelSettings) ->
     }
     let relative = variance * estimates.len() as f32 / (mean * mean);
     // No light at all gives NaN: the least number.
-    let more = (relative / DIRECT_VARIANCE).max(1.0).min(MAX_MORE_SAMPLES);
+    let wanted = relative / DIRECT_VARIANCE;
+    let more = if wanted > 1.0 { wanted.min(MAX_MORE_SAMPLES) } else { 1.0 };
     (least as f32 * more).round() as u32
 }
 
