@@ -1,7 +1,7 @@
 //! Light tree: one of many lights in proportion to what it may contribute at a point.
 //!
-//! Estimates   sum_i c_i over all lights by c_i / pmf_i for a light i drawn by descent: at each node the child j is taken with
-//!             probability I_j / (I_1 + I_2), I the importance of its bounds at the point
+//! Estimates   sum_i c_i over all lights by c_i / pmf_i for a light i drawn by descent: at each node of eight children the child j is
+//!             taken with probability I_j / sum I, I the importance of its bounds at the point
 //!             I = P cos(theta') cos(theta_i') / d^2,  theta' = (theta - theta_o - theta_u)+,  theta_i' = (theta_i - theta_u)+
 //!             (Conty Estevez and Kulla 2018, eq. 3), P the sum of the largest radiant intensities
 //!             (with power, narrow spots would come off too low), 0 only where nothing arrives: theta' beyond the emission, or all below
@@ -16,10 +16,12 @@
 //! Verified by `tests`: pmf sums to 1, chi-square, what is left out sends nothing, brute-force importance
 
 mod bounds;
+mod node;
 #[cfg(test)]
 mod tests;
 
-use self::bounds::{Bounds, Prepared, split};
+use self::bounds::{Bounds, split};
+use self::node::{Child, Node, WIDTH};
 use crate::math::sampler::{hash, refine, unit_f32};
 use crate::math::{Vec2, Vec3};
 use crate::scene::{LightSample, Scene, SurfacePoint};
@@ -27,7 +29,6 @@ use std::f32::consts::PI;
 
 /// The share of the tree against lights at infinity, and the reverse, is at least this where both can contribute.
 const LEAST_SHARE: f32 = 0.1;
-const NONE: u32 = u32::MAX;
 
 /// What is chosen: an emitter of the scene's lights, or all that comes from infinity with a density.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,20 +52,11 @@ pub struct LitPoint {
 #[derive(Clone, Debug, Default)]
 pub struct LightTree {
     nodes: Vec<Node>,
-    /// Leaf of each emitter, or [`NONE`].
-    leaf: Vec<u32>,
+    /// Node and lane of each emitter that is in the tree.
+    leaf: Vec<Option<(u32, u8)>>,
     /// Lights at infinity.
     infinite: Vec<(Unit, Infinite)>,
     units: Vec<Unit>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    bounds: Prepared,
-    /// Inner nodes: the second child (the first comes next); leaves: the emitter.
-    link: u32,
-    is_leaf: bool,
-    parent: u32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +68,7 @@ enum Infinite {
 }
 
 impl Infinite {
-    /// On the scale of [`Prepared::importance`]: irradiance.
+    /// On the scale of [`Node::importance`]: irradiance.
     fn importance(&self, at: &LitPoint) -> f32 {
         match self {
             Infinite::Parallel(towards, e) => e * at.n.map_or(1.0, |n| n.dot(*towards).max(0.0)),
@@ -89,7 +81,7 @@ impl LightTree {
     /// The tree of a scene's lights.
     pub fn new(scene: &Scene) -> Self {
         let lights = &scene.lights;
-        let mut tree = LightTree { leaf: vec![NONE; lights.emitter_count()], ..LightTree::default() };
+        let mut tree = LightTree { leaf: vec![None; lights.emitter_count()], ..LightTree::default() };
         let mut finite = Vec::new();
         for i in 0..lights.emitter_count() as u32 {
             if let Some(bounds) = lights.emitter_bounds(&scene.shapes, i) {
@@ -106,8 +98,7 @@ impl LightTree {
         }
         tree.units = finite.iter().map(|f| Unit::Emitter(f.1)).chain(tree.infinite.iter().map(|i| i.0)).collect();
         if !finite.is_empty() {
-            tree.nodes.reserve(2 * finite.len());
-            tree.build(&mut finite, NONE);
+            tree.build(&mut finite, None);
         }
         tree
     }
@@ -117,52 +108,59 @@ impl LightTree {
         &self.units
     }
 
-    /// Adds the subtree over `list` and returns its bounds.
-    fn build(&mut self, list: &mut [(Bounds, u32)], parent: u32) -> Bounds {
-        let index = self.nodes.len() as u32;
-        if let [(bounds, emitter)] = list {
-            self.leaf[*emitter as usize] = index;
-            let bounds_here = Prepared::new(bounds);
-            self.nodes.push(Node { bounds: bounds_here, link: *emitter, is_leaf: true, parent });
-            return *bounds;
+    /// Adds the subtree over `list`: its index.
+    fn build(&mut self, list: &mut [(Bounds, u32)], parent: Option<(u32, u8)>) -> u32 {
+        let of = |part: &[(Bounds, u32)]| part.iter().map(|x| x.0).reduce(Bounds::union);
+        // Cut the costliest part until there are enough of them.
+        let mut parts = vec![(0..list.len(), of(list))];
+        while parts.len() < WIDTH {
+            let cost = |p: &(std::ops::Range<usize>, Option<Bounds>)| p.1.map_or(0.0, |b| b.cost(1.0));
+            let cuttable = (0..parts.len()).filter(|&i| parts[i].0.len() > 1);
+            let Some(i) = cuttable.max_by(|&i, &j| cost(&parts[i]).total_cmp(&cost(&parts[j]))) else { break };
+            let range = parts[i].0.clone();
+            let cut = range.start + split(&mut list[range.clone()]);
+            let (a, b) = (range.start..cut, cut..range.end);
+            parts[i] = (a.clone(), of(&list[a]));
+            parts.push((b.clone(), of(&list[b])));
         }
-        let middle = split(list);
-        let (left, right) = list.split_at_mut(middle);
-        // Its bounds follow from the children's.
-        self.nodes.push(Node { bounds: Prepared::new(&left[0].0), link: NONE, is_leaf: false, parent });
-        let first = self.build(left, index);
-        let second = self.nodes.len() as u32;
-        let bounds = first.union(self.build(right, index));
-        let node = &mut self.nodes[index as usize];
-        (node.bounds, node.link) = (Prepared::new(&bounds), second);
-        bounds
-    }
-
-    fn importance(&self, node: u32, at: &LitPoint) -> f32 {
-        self.nodes[node as usize].bounds.importance(at)
+        let index = self.nodes.len() as u32;
+        self.nodes.push(Node::new(parent));
+        for (lane, (range, bounds)) in parts.into_iter().enumerate() {
+            let here = Some((index, lane as u8));
+            let child = match &mut list[range] {
+                [(_, emitter)] => {
+                    self.leaf[*emitter as usize] = here;
+                    Child::Emitter(*emitter)
+                }
+                part => Child::Node(self.build(part, here)),
+            };
+            if let Some(bounds) = bounds {
+                self.nodes[index as usize].set(lane, &bounds, child);
+            }
+        }
+        index
     }
 
     /// Probability of the tree, and the sum of importances at infinity.
     fn tree_share(&self, at: &LitPoint) -> (f32, f32) {
         let infinite: f32 = self.infinite.iter().map(|(_, i)| i.importance(at)).sum();
-        let tree = if self.nodes.is_empty() { 0.0 } else { self.importance(0, at) };
-        let share = match (tree > 0.0, infinite > 0.0) {
-            (false, _) => 0.0,
-            (true, false) => 1.0,
-            (true, true) => (tree / (tree + infinite)).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE),
+        let share = match self.nodes.first() {
+            None => 0.0,
+            Some(_) if self.infinite.is_empty() => 1.0,
+            Some(root) => match (root.importance(at).1, infinite) {
+                (tree, _) if tree <= 0.0 => 0.0,
+                (_, infinite) if infinite <= 0.0 => 1.0,
+                (tree, infinite) => (tree / (tree + infinite)).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE),
+            },
         };
         (share, infinite)
     }
 
-    /// Probability of the first of two children; `None` if neither can contribute.
-    fn first_share(&self, node: u32, at: &LitPoint) -> Option<f32> {
-        let a = self.importance(node + 1, at);
-        let b = self.importance(self.nodes[node as usize].link, at);
-        (a + b > 0.0).then(|| if a == 0.0 { 0.0 } else { 1.0 / (1.0 + b / a) })
-    }
-
     /// Draws a light for `u` in [0, 1): it and its probability. `None` if none can contribute, as far as bounds tell.
     pub fn sample(&self, at: &LitPoint, u: f64) -> Option<(Unit, f32)> {
+        if let [unit] = self.units[..] {
+            return Some((unit, 1.0));
+        }
         let (share, infinite) = self.tree_share(at);
         if u >= f64::from(share) {
             let mut rest = (u - f64::from(share)) / (1.0 - f64::from(share)) * f64::from(infinite);
@@ -179,19 +177,28 @@ impl LightTree {
             }
             return chosen;
         }
-        let (mut node, mut pmf) = (0, share);
+        let (mut node, mut pmf) = (&self.nodes[0], share);
         let mut u = u / f64::from(share);
         loop {
-            let n = &self.nodes[node as usize];
-            if n.is_leaf {
-                return Some((Unit::Emitter(n.link), pmf));
+            let (importance, sum) = node.importance(at);
+            let mut rest = u * f64::from(sum);
+            let mut chosen = None;
+            for (lane, &i) in importance.iter().enumerate() {
+                if i > 0.0 {
+                    chosen = Some((lane, i, rest));
+                    if rest < f64::from(i) {
+                        break;
+                    }
+                    rest -= f64::from(i);
+                }
             }
-            let p = self.first_share(node, at)?;
-            let first = f64::from(p);
-            if u < first {
-                (node, u, pmf) = (node + 1, u / first, pmf * p);
-            } else {
-                (node, u, pmf) = (n.link, (u - first) / (1.0 - first), pmf * (1.0 - p));
+            let (lane, i, rest) = chosen?;
+            pmf *= i / sum;
+            u = (rest / f64::from(i)).min(1.0 - f64::EPSILON);
+            match node.children[lane] {
+                Child::Emitter(e) => return Some((Unit::Emitter(e), pmf)),
+                Child::Node(next) => node = &self.nodes[next as usize],
+                Child::Nothing => return None,
             }
         }
     }
@@ -226,21 +233,24 @@ impl LightTree {
 
     /// Probability with which [`Self::sample`] draws the light.
     pub fn pmf(&self, at: &LitPoint, unit: Unit) -> f32 {
+        if self.units[..] == [unit] {
+            return 1.0;
+        }
         let (share, infinite) = self.tree_share(at);
         let leaf = match unit {
             Unit::Emitter(i) => self.leaf[i as usize],
-            Unit::Environment => NONE,
+            Unit::Environment => None,
         };
-        if leaf == NONE {
+        if leaf.is_none() {
             let of = self.infinite.iter().find(|(other, _)| *other == unit).map_or(0.0, |(_, i)| i.importance(at));
             return if of > 0.0 { (1.0 - share) * (of / infinite) } else { 0.0 };
         }
-        let (mut node, mut pmf) = (leaf, share);
-        while pmf > 0.0 && self.nodes[node as usize].parent != NONE {
-            let parent = self.nodes[node as usize].parent;
-            let Some(p) = self.first_share(parent, at) else { return 0.0 };
-            pmf *= if node == parent + 1 { p } else { 1.0 - p };
-            node = parent;
+        let (mut place, mut pmf) = (leaf, share);
+        while let Some((node, lane)) = place.filter(|_| pmf > 0.0) {
+            let node = &self.nodes[node as usize];
+            let (importance, sum) = node.importance(at);
+            pmf *= if sum > 0.0 { importance[lane as usize] / sum } else { 0.0 };
+            place = node.parent;
         }
         pmf
     }

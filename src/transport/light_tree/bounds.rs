@@ -1,9 +1,5 @@
-//! Bounds of lights: boxes, cones of normals, importance at a point; where to cut a set of them in two.
-//!
-//! The equations are those of [`super`]. The cone of normals and the cone under which the bounding sphere is seen are added as one
-//! angle, by its sine and cosine: no angle is computed in the descent.
+//! Bounds of lights: boxes and cones of normals; where to cut a set of them in two.
 
-use super::LitPoint;
 use crate::math::Vec3;
 use crate::scene::light::EmitterBounds;
 use std::f32::consts::PI;
@@ -14,10 +10,10 @@ const BUCKETS: usize = 12;
 /// Bounds of a set of emitters.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
-    lo: Vec3,
-    hi: Vec3,
-    cone: Cone,
-    cos_emission: f32,
+    pub lo: Vec3,
+    pub hi: Vec3,
+    pub cone: Cone,
+    pub cos_emission: f32,
     /// Sum of largest intensities.
     pub strength: f32,
 }
@@ -78,12 +74,12 @@ impl Bounds {
         }
     }
 
-    fn centre(&self) -> Vec3 {
+    pub(super) fn centre(&self) -> Vec3 {
         0.5 * (self.lo + self.hi)
     }
 
     /// Strength times the solid angle of emission times surface area: the cost of Conty Estevez and Kulla's eq. 1.
-    fn cost(&self, stretch: f32) -> f32 {
+    pub(super) fn cost(&self, stretch: f32) -> f32 {
         let (o, e) = (self.cone.cos.clamp(-1.0, 1.0).acos(), self.cos_emission.clamp(-1.0, 1.0).acos());
         let w = (o + e).min(PI);
         let sin_o = o.sin();
@@ -92,88 +88,6 @@ impl Bounds {
         let d = self.hi - self.lo;
         self.strength * measure * stretch * (d.x * d.y + d.y * d.z + d.z * d.x)
     }
-}
-
-/// Bounds as the descent reads them.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Prepared {
-    centre: Vec3,
-    half: Vec3,
-    axis: Vec3,
-    /// Squared radius of the bounding sphere.
-    radius2: f32,
-    /// Of the cone of normals, a little larger against rounding.
-    sin_normals: f32,
-    cos_normals: f32,
-    cos_emission: f32,
-    strength: f32,
-}
-
-impl Prepared {
-    pub(super) fn new(b: &Bounds) -> Self {
-        let half = 0.5 * (b.hi - b.lo);
-        let cos_normals = (b.cone.cos - 1e-6).max(-1.0);
-        Prepared {
-            centre: b.centre(),
-            half,
-            axis: b.cone.axis,
-            radius2: half.length_squared(),
-            sin_normals: sine(cos_normals),
-            cos_normals,
-            cos_emission: b.cos_emission - 1e-6,
-            strength: b.strength,
-        }
-    }
-
-    /// Importance at a point.
-    #[inline(always)]
-    pub(super) fn importance(&self, at: &LitPoint) -> f32 {
-        let to = self.centre - at.p;
-        let true_d2 = to.length_squared();
-        let d2 = true_d2.max(self.radius2);
-        if !(d2 > 0.0) {
-            return if self.strength > 0.0 { f32::MAX.sqrt() } else { 0.0 };
-        }
-        // Angle under which the bounding sphere is seen, a little larger against rounding; inside of it every angle.
-        let sin2 = self.radius2 / d2 * 1.00001 + 1e-7;
-        let inside = sin2 >= 1.0;
-        let inverse = 1.0 / d2.sqrt();
-        let (sin_around, cos_around) = (sin2.sqrt(), (1.0 - sin2).max(0.0).sqrt());
-        let mut cos = 1.0;
-        if !inside {
-            // The cone of normals and that of the sphere, one after the other, are one of the sum of their angles.
-            let cos_both = self.cos_normals * cos_around - self.sin_normals * sin_around;
-            let sin_both = self.sin_normals * cos_around + self.cos_normals * sin_around;
-            let theta = -to.dot(self.axis) * inverse;
-            // A negative sine: more than pi, which holds all directions.
-            if sin_both > 0.0 && theta < cos_both {
-                cos = theta * cos_both + sine(theta) * sin_both;
-            }
-        }
-        if cos <= self.cos_emission {
-            return 0.0;
-        }
-        let mut importance = self.strength * cos.max(0.01) / d2;
-        if let Some(n) = at.n {
-            let height = to.dot(n);
-            // Above the plane? A box is above it where its farthest corner is.
-            let reach = height + self.half.dot(n.abs());
-            if reach <= -1e-6 * (to.abs().max_element() + self.half.max_element()) {
-                return 0.0;
-            }
-            let cos = height * inverse;
-            if !inside && cos < cos_around {
-                importance *= (cos * cos_around + sine(cos) * sin_around).max(1e-3);
-            }
-        }
-        importance
-    }
-}
-
-/// sqrt(1 - cos^2)
-#[inline(always)]
-fn sine(cos: f32) -> f32 {
-    (1.0 - cos * cos).max(0.0).sqrt()
 }
 
 /// Reorders the list and returns where to cut it, within it.
