@@ -21,7 +21,7 @@ pub enum PointOrDirection {
     Parallel(DVec3),
 }
 
-/// The parallelogram p + x half[0] + y half[1], x and y in `[-1,1]`.
+/// The parallelogram p + x h0 + y h1, h0 and h1 the half edges, x and y in `[-1,1]`.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowPatch {
     /// Centre.

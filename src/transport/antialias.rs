@@ -5,7 +5,7 @@
 //! - *chain*: events seen through smooth mirrors and glass, predicted;
 //! - *shadow*: edges of hard shadows on what the centre ray sees, of lights without extent and of lamps that are seen under less
 //!   than [`SMALL`], taken as points: exact on planes ([`hard_shadow`](crate::edge::hard_shadow));
-//! - *texture*: the albedo at nine points of the footprint differs by more than [`TEXTURE_STEP`].
+//! - *texture*: the albedo at nine points of the footprint differs by more than a tenth.
 //!
 //! A pixel with any of them gets k samples per pass, the others one. The map is a pure function of the scene; samples belong to
 //! one pixel and their number is fixed beforehand, so that the picture is unbiased for any filter and whatever the map says.
