@@ -165,7 +165,9 @@ fn closed_enclosures_show_the_geometric_series() {
             let settings = PhotonSettings { indirect, ..PhotonSettings::default() };
             let (mean, error) = photon_mean(6, 8, &scene, settings);
             let expected = 1.0 / (1.0 - f64::from(albedo));
-            assert!(error < 0.01 * expected, "{indirect:?}: the test has no power: {error}");
+            // From within a sphere, the surfels' samples of it are noisy, and what one run's cache holds does not get better with passes.
+            let power = if indirect == Indirect::Cache { 0.03 } else { 0.01 };
+            assert!(error < power * expected, "{indirect:?}: the test has no power: {error}");
             // The cache answers for the irradiance of clusters of points: not exact on a curved wall.
             let bias = if indirect == Indirect::Cache { 3e-3 } else { 2e-5 };
             assert!(
@@ -218,4 +220,21 @@ fn a_scene_without_light_or_surface_ends() {
     assert_eq!(mean(&render_photon(dark(), PhotonSettings::default(), 2)), 0.0);
     let empty = || empty_scene(DVec3::ZERO, DVec3::Z, 4, 4);
     assert_eq!(mean(&render_photon(empty(), PhotonSettings::default(), 2)), 0.0);
+}
+
+/// Largest relative difference of means laid to kernels that reach over edges and corners.
+const KERNEL_BIAS: f64 = 0.02;
+
+#[test]
+fn indirect_light_by_photons_alone_agrees_with_path() {
+    let scene = with(materials()[0].1.clone());
+    let settings = PhotonSettings { indirect: Indirect::Photons, photons: Some(20_000), ..PhotonSettings::default() };
+    let (a, a_error) = photon_mean(4, 8, &scene, settings);
+    let (b, b_error) = path_mean(4, 64, &scene);
+    let error = a_error.hypot(b_error);
+    assert!((a - b).abs() < LIMIT * error + KERNEL_BIAS * b, "{a} +- {a_error}, path {b} +- {b_error}");
+    // Without them a good part of the light is missing, so that the comparison would see it.
+    let parts = Parts { indirect: false, ..Parts::default() };
+    let (c, c_error) = photon_mean(4, 8, &scene, PhotonSettings { parts, ..settings });
+    assert!((c - b).abs() > LIMIT * c_error.hypot(b_error) + KERNEL_BIAS * b, "{c}, path {b}");
 }

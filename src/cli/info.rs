@@ -71,7 +71,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         filter: filter_name(scene.film.filter),
         sample_count: scene.sample_count,
         file_integrator: &scene.integrator.name,
-        integrator: "path",
+        integrator: "photon",
         max_depth: scene.integrator.max_depth,
         shapes: count_shapes(&scene),
         triangles: scene.triangle_count(),

@@ -23,6 +23,7 @@ use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::direct::{Direct, Found, Stage, Vantage};
+use crate::transport::photon_map::{Filter, GlobalMap};
 use crate::transport::surfels::Facet;
 use crate::transport::{CausticMap, IrradianceCache, MAX_PASSED_SURFACES, NEARLY_SPECULAR_ALPHA, World};
 use arrayvec::ArrayVec;
@@ -44,6 +45,8 @@ pub struct Eye<'a> {
     pub direct: &'a Direct<'a>,
     /// Caustic photons, `None` if paths are to find caustics.
     pub caustics: Option<&'a CausticMap>,
+    /// Photons of indirect light, in place of the cache.
+    pub global: Option<&'a GlobalMap>,
     /// Records of indirect irradiance.
     pub cache: Option<&'a IrradianceCache<'a>>,
     /// Whether the environment is gathered for diffuse parts, not sampled.
@@ -204,11 +207,16 @@ impl Eye<'_> {
             sample.radiance += b.throughput * light;
         }
         let Some(diffuse) = diffuse else { return true };
+        let most = self.settings.path.max_depth.map_or(u32::MAX, |max| max.saturating_sub(b.depth + 1));
         if let Some(map) = self.caustics.filter(|_| if b.indirect { parts.indirect } else { parts.caustic }) {
-            let most = self.settings.path.max_depth.map_or(u32::MAX, |max| max.saturating_sub(b.depth + 1));
             sample.radiance += b.throughput * map.radiance_within(at, diffuse, wo, most);
         }
         if !parts.indirect {
+            return true;
+        }
+        if let Some(map) = self.global {
+            let light = map.radiance(at, diffuse, wo, Filter::INDIRECT.within(most));
+            sample.radiance += b.throughput * light;
             return true;
         }
         let facet = Facet::seen_from(at, wo);

@@ -14,6 +14,7 @@
 mod allocate;
 mod caustics;
 mod eye;
+mod global;
 mod places;
 mod settings;
 
@@ -21,6 +22,7 @@ pub use settings::{Antialiasing, Emission, Indirect, Parts, PhotonSettings};
 
 use self::caustics::Caustics;
 use self::eye::Eye;
+use self::global::Global;
 use super::{Counts, Integrator};
 use crate::image::film::{Features, Film};
 use crate::math::{Rgb, Sampler, Vec3};
@@ -28,6 +30,7 @@ use crate::scene::camera::CameraRay;
 use crate::transport::antialias::{AntialiasSettings, samples_per_pixel};
 use crate::transport::direct::{Direct, DirectSettings};
 use crate::transport::gather_sky;
+use crate::transport::photon_map::GlobalMap;
 use crate::transport::{CacheSettings, CausticMap, HitLight, IrradianceCache, World};
 
 /// Pixels for each record that a pass may add.
@@ -46,6 +49,9 @@ pub struct Photon<'a> {
     map: Option<CausticMap>,
     /// Photons emitted in all passes so far.
     emitted: u64,
+    global: Option<Global<'a>>,
+    /// Photons of this pass in place of the cache.
+    global_map: Option<GlobalMap>,
     cache: Option<IrradianceCache<'a>>,
     /// Whether the cache holds the light of the environment too.
     sky: bool,
@@ -61,9 +67,25 @@ impl<'a> Photon<'a> {
         let cache = cached
             .then(|| IrradianceCache::new(world, CacheSettings { seed: settings.seed, ..CacheSettings::default() }));
         let sky = cached && gather_sky::is_gathered(&world);
+        let by_photons = settings.indirect == Indirect::Photons && settings.parts.indirect && bounces;
+        let global = by_photons.then(|| Global::new(world, &settings)).flatten();
         let direct = Direct::new(world, DirectSettings { diffuse_environment: !sky, ..settings.direct });
         let caustics = Caustics::new(world, &settings, window[2] as usize * window[3] as usize);
-        Photon { world, settings, window, direct, caustics, map: None, emitted: 0, cache, sky, samples: Vec::new() }
+        let (map, global_map) = (None, None);
+        Photon {
+            world,
+            settings,
+            window,
+            direct,
+            caustics,
+            map,
+            emitted: 0,
+            global,
+            global_map,
+            cache,
+            sky,
+            samples: Vec::new(),
+        }
     }
 
     /// Records for what the eye sees: coarse to fine, with a smaller bound of the error as passes go on.
@@ -113,6 +135,8 @@ impl Integrator for Photon<'_> {
         }
         self.map = self.caustics.as_ref().map(|c| c.map(pass));
         self.emitted += self.caustics.as_ref().map_or(0, Caustics::emitted);
+        self.global_map = self.global.as_ref().map(|g| g.map(pass));
+        self.emitted += self.global.as_ref().map_or(0, Global::count);
         self.fill_cache(pass, over);
     }
 
@@ -147,6 +171,7 @@ impl Integrator for Photon<'_> {
             settings: &self.settings,
             direct: &self.direct,
             caustics: self.map.as_ref(),
+            global: self.global_map.as_ref(),
             cache: self.cache.as_ref(),
             sky: self.sky,
         };
@@ -157,6 +182,9 @@ impl Integrator for Photon<'_> {
         let mut all = Vec::new();
         if let Some(map) = &self.map {
             all.push(("caustic photons stored", map.stored() as u64));
+        }
+        if let Some(map) = &self.global_map {
+            all.push(("indirect photons stored", map.stored() as u64));
         }
         if let Some(cache) = &self.cache {
             let s = cache.statistics();

@@ -1,7 +1,7 @@
 //! Tests an edge case of one's own with the test kit: which footprints see the gap between two plates, and how well do the
 //! source paper's neighbours do against bounds?
 //!
-//! `cargo run --release -p dualux-dual --example edge_case`
+//! `cargo run --release -p dualux-dual --example test_kit`
 
 use dualux_dual::testkit::{Kind, Rng, Scene};
 use dualux_dual::{Family, Neighbours, Rectangle, Sphere, Test, vec3};
