@@ -162,12 +162,11 @@ fn closed_enclosures_show_the_geometric_series() {
                 scene.shapes[0].flip_normals = true;
                 scene
             };
-            let settings = PhotonSettings { indirect, ..PhotonSettings::default() };
-            let (mean, error) = photon_mean(6, 8, &scene, settings);
+            let settings = PhotonSettings { indirect, adaptive_sampling: false, ..PhotonSettings::default() };
+            let (mean, error) = photon_mean(12, 48, &scene, settings);
             let expected = 1.0 / (1.0 - f64::from(albedo));
-            // From within a sphere, the surfels' samples of it are noisy, and what one run's cache holds does not get better with passes.
-            let power = if indirect == Indirect::Cache { 0.03 } else { 0.01 };
-            assert!(error < power * expected, "{indirect:?}: the test has no power: {error}");
+            // Diffuse parts meet lamps by light samples alone, and a lamp all around is sampled by area: noisy, not wrong.
+            assert!(error < 0.02 * expected, "{indirect:?}: the test has no power: {error}");
             // The cache answers for the irradiance of clusters of points: not exact on a curved wall.
             let bias = if indirect == Indirect::Cache { 3e-3 } else { 2e-5 };
             assert!(

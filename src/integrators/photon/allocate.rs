@@ -4,8 +4,9 @@
 //! sample; for a given sum of the n_i it is least where n_i is in proportion to sqrt(e_i) (Neyman 1934). sigma^2 and I are those of
 //! the film, averaged over neighbours ([`RADIUS`]), so that a pixel's own luck does not decide about it.
 //!
-//! Bias: pixels whose first samples were alike by chance get fewer of the later ones. Averaging over neighbours makes that small, and
-//! every pixel keeps a share of [`LEAST`] samples per pass, so that it goes to zero as passes go on.
+//! Bias: pixels whose first samples were alike by chance get fewer of the later ones, and rare bright samples get diluted where they
+//! fell. Averaging over neighbours makes that small, and every pixel keeps [`LEAST`] samples per pass; still, where noise has long
+//! tails the mean comes out low: 1.6 % have been seen in a furnace lit by a lamp all around that is sampled by area.
 //! Verified by tests in this file and tests/photon.rs (mean against uniform samples).
 
 use crate::image::film::Film;
@@ -14,10 +15,10 @@ use crate::math::sampler::{hash, unit_f32};
 /// Samples per pass and pixel, on average.
 const MEAN: f64 = 1.5;
 /// Least and most samples per pass in a pixel; fewer than one by chance.
-const LEAST: f64 = 0.2;
-const MOST: f64 = 24.0;
+const LEAST: f64 = 0.35;
+const MOST: f64 = 16.0;
 /// Neighbours that are averaged, in pixels to each side.
-const RADIUS: usize = 2;
+const RADIUS: usize = 3;
 
 /// Samples per pass for every pixel of the film, row-major. A pixel of one sample says nothing yet: it gets another.
 pub fn samples_per_pass(film: &Film) -> Vec<f32> {
