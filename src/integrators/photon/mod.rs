@@ -35,6 +35,8 @@ use crate::transport::{CacheSettings, CausticMap, HitLight, IrradianceCache, Wor
 
 /// Pixels for each record that a pass may add.
 const PIXELS_PER_RECORD: usize = 24;
+/// Records made before time is looked at again.
+const PORTION: usize = 512;
 /// Records that the first pass may add however few pixels there are.
 const LEAST_RECORDS: usize = 1000;
 
@@ -105,11 +107,19 @@ impl<'a> Photon<'a> {
         let finest = if pass == 0 { 4 } else { 2 };
         let mut known = None;
         for spacing in [32, 16, 8, 4, 2].into_iter().filter(|&s| s >= finest) {
-            let room = (budget * (1 + pass as usize)).saturating_sub(cache.records().len());
-            if over() || room == 0 || cache.statistics().hopeless {
+            let most = budget * (1 + pass as usize);
+            if over() || cache.records().len() >= most || cache.statistics().hopeless {
                 break;
             }
-            cache.fill(&places::places(self.world, self.window, spacing, known), &light, room);
+            let places = places::places(self.world, self.window, spacing, known);
+            // In portions, between which time may be up.
+            loop {
+                let before = cache.records().len();
+                cache.fill(&places, &light, PORTION.min(most.saturating_sub(before)));
+                if over() || cache.records().len() < before + PORTION {
+                    break;
+                }
+            }
             known = Some(spacing);
         }
         cache.finish();
