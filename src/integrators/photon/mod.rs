@@ -3,7 +3,7 @@
 //! Estimates   the same integral as [`super::path`], split by what is known where (`eye` has the table): direct light with the
 //!             detector's verdicts, caustics from photons with kernels of their own footprints, diffuse interreflection from a
 //!             cache of gather rays
-//! Passes      each pass has photons of its own and smaller kernels; the cache is refined before passes 1, 2, 4, 8, ...
+//! Passes      each pass has photons of its own and smaller kernels; the cache is refined before passes 2, 4, 8, ...
 //! Source      Namae & Makino (photons, light samples, pixels where derivatives predict edges); Jensen 2001 (the split into
 //!             direct, caustic and indirect light); Yue, Onoue & Nishita (stored gather rays); Knaus & Zwicker 2011 (passes)
 //! Bias        kernels and interpolated irradiance: both shrink with the passes. With a limit of depth, bounces behind mirrors and
@@ -93,7 +93,7 @@ impl<'a> Photon<'a> {
     /// Records for what the eye sees: coarse to fine, with a smaller bound of the error as passes go on.
     fn fill_cache(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
         let Some(cache) = &mut self.cache else { return };
-        if pass > 0 && !pass.is_power_of_two() {
+        if pass == 1 || (pass > 0 && !pass.is_power_of_two()) {
             return;
         }
         if pass > 0 {
@@ -163,8 +163,14 @@ impl Integrator for Photon<'_> {
     fn samples(&self, x: u32, y: u32, pass: u64) -> u32 {
         let [x0, y0, width, _] = self.window;
         let i = (y - y0) as usize * width as usize + (x - x0) as usize;
-        let n = self.samples.get(i).map_or(1, |&n| allocate::rounded(n, i as u64, pass, self.settings.seed));
-        if pass == 0 { n.max(1) } else { n }
+        let wanted = self.samples.get(i).copied().unwrap_or(1.0);
+        let early = pass < 2 && self.settings.antialiasing == Antialiasing::Adaptive;
+        match pass {
+            // One sample everywhere, then what edges want beyond it: a picture without gaps comes first.
+            0 if early => 1,
+            1 if early => (wanted - 1.0).max(0.0) as u32,
+            _ => allocate::rounded(wanted, i as u64, pass, self.settings.seed),
+        }
     }
 
     fn learns(&self) -> bool {
@@ -172,7 +178,10 @@ impl Integrator for Photon<'_> {
     }
 
     fn learn(&mut self, film: &Film) {
-        self.samples = allocate::samples_per_pass(film);
+        // After the first pass pixels have one sample each, which says nothing of noise.
+        if film.pixels().iter().any(|p| p.count() > 1) {
+            self.samples = allocate::samples_per_pass(film);
+        }
     }
 
     fn sample(&self, camera: &CameraRay, _pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
