@@ -33,7 +33,7 @@ fn sample(direct: &Direct, world: World, x: u32, y: u32, rng: &mut Sampler, coun
         let [a, b, c, _] = rng.next_4d();
         let Some(s) = rest.sample(wo, c, Vec2::new(a, b), Transport::Radiance) else { break };
         throughput *= s.weight;
-        ray = Ray { o: at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+        ray = Ray::leaving(&at, s.wi);
         if s.pdf_dir > 0.0 {
             let (scene, textures) = (world.scene, world.scene.textures());
             let (found, weight) = match world.accel.closest(&ray) {

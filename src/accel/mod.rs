@@ -32,12 +32,12 @@ mod tests;
 mod tests_robust;
 
 use crate::math::Vec3;
-use crate::scene::Shape;
+use crate::scene::{Shape, SurfacePoint};
 use avx2::Avx2;
 use layout::Tree;
 
 /// A ray segment: points o + t d with tmin <= t <= tmax. `d` need not be a unit vector; t is in units of |d|.
-/// Robust origins come from `SurfacePoint::spawn_origin`, with `tmin` = `f32::MIN_POSITIVE`.
+/// Rays that leave a surface: [`Ray::leaving`].
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
     /// Origin.
@@ -48,6 +48,13 @@ pub struct Ray {
     pub tmin: f32,
     /// End, may be infinite.
     pub tmax: f32,
+}
+
+impl Ray {
+    /// The ray without end that leaves the surface point towards the unit vector `d`.
+    pub fn leaving(at: &SurfacePoint, d: Vec3) -> Self {
+        Ray { o: at.spawn_origin(d), d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY }
+    }
 }
 
 /// The nearest intersection of a ray.

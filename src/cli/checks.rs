@@ -30,7 +30,7 @@ fn idle(accel: &Accel, index: u32, shape: &Shape) -> Option<String> {
         let (at, _) = shape.sample_area(index, (hash(u64::from(index), i) % prims.max(1)) as u32, rng.next_2d());
         let d = Frame::from_normal(at.n_geo).to_world(sample_cosine_hemisphere(rng.next_2d()));
         normal = normal.or(Some(at.n_geo));
-        let ray = Ray { o: at.spawn_origin(d), d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+        let ray = Ray::leaving(&at, d);
         if let Some(hit) = accel.closest(&ray) {
             hits += 1;
             farthest = farthest.max(hit.t);

@@ -104,10 +104,10 @@ pub struct PhotonArgs {
     /// Samples per pixel in a pass: more on edges, more everywhere, or one [default: adaptive].
     #[arg(long, value_enum)]
     pub aa: Option<Antialiasing>,
-    /// Photons per pass for the global map; K and M suffixes are understood [default: as many as pixels].
+    /// Photons per pass for the global map; K and M suffixes are understood [default: 100K].
     #[arg(long, value_parser = options::positive)]
     pub photons: Option<u64>,
-    /// Photons per pass for caustics [default: as many as pixels].
+    /// Photons per pass for caustics [default: as many as pixels, within 33K and 262K].
     #[arg(long, value_parser = options::positive)]
     pub caustic_photons: Option<u64>,
     /// Show only the light that diffuse surfaces receive in these ways.

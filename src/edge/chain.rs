@@ -140,7 +140,7 @@ impl EdgeDetector<'_> {
             let mut go = |d: Vec3<f64>| {
                 if segments + todo.len() < MOST_SEGMENTS {
                     let d = from_dual(d).as_vec3();
-                    let next = PlainRay { o: at.spawn_origin(d), d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+                    let next = PlainRay::leaving(&at, d);
                     todo.push((next, true));
                 }
             };

@@ -19,10 +19,7 @@ use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, LightSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::light_tree::{LightTree, LitPoint};
-use crate::transport::{MAX_PASSED_SURFACES, World, power_heuristic};
-
-/// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
-const MAX_SURVIVAL: f32 = 0.95;
+use crate::transport::{MAX_PASSED_SURFACES, MAX_SURVIVAL, World, power_heuristic};
 
 /// Settings of [`Path`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -135,7 +132,7 @@ impl Integrator for Path<'_> {
                 if passed > MAX_PASSED_SURFACES {
                     break;
                 }
-                ray = Ray { o: at.spawn_origin(ray.d), tmin: f32::MIN_POSITIVE, tmax: ray.tmax - hit.t, ..ray };
+                ray = Ray { tmax: ray.tmax - hit.t, ..Ray::leaving(&at, ray.d) };
                 continue;
             }
 
@@ -164,8 +161,7 @@ impl Integrator for Path<'_> {
             let Some(scattered) = bsdf.sample(wo, u_lobe, Vec2::new(ux, uy), Transport::Radiance) else { break };
             throughput *= scattered.weight;
             eta *= scattered.eta;
-            let o = at.spawn_origin(scattered.wi);
-            ray = Ray { o, d: scattered.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+            ray = Ray::leaving(&at, scattered.wi);
 
             // A surface passed straight through is no vertex: depth and the place to compare with stay.
             if scattered.lobe == LobeKind::Null {

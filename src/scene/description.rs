@@ -39,6 +39,34 @@ pub struct Description {
     pub lights: Vec<LightDesc>,
 }
 
+impl Description {
+    /// A scene of nothing: a pinhole camera with a horizontal field of view of one radian, `width` x `height` pixels, box filter.
+    pub fn empty(to_world: DMat4, width: u32, height: u32) -> Self {
+        Description {
+            camera: CameraDesc {
+                to_world,
+                projection: Projection::Perspective {
+                    x_fov: 1.0,
+                    principal_point_offset: [0.0; 2],
+                    aperture_radius: 0.0,
+                    focus_distance: 1.0,
+                },
+                near_clip: 1e-4,
+                far_clip: 1e6,
+            },
+            film: FilmDesc { width, height, crop: [0, 0, width, height], filter: PixelFilter::Box { radius: 0.5 } },
+            integrator: IntegratorDesc::default(),
+            sample_count: None,
+            seed: 0,
+            images: vec![],
+            textures: vec![],
+            materials: vec![],
+            shapes: vec![],
+            lights: vec![],
+        }
+    }
+}
+
 /// A camera. Camera space: +z looks into the scene, +y is up, +x points to the *left* of the picture.
 #[derive(Clone, Debug)]
 pub struct CameraDesc {

@@ -53,7 +53,7 @@ pub fn pierced_places(world: &World, origins: &[Vec3], rays: u32, pixel: f32, se
                 let Some(hit) = world.accel.closest(&ray) else { break };
                 let at = world.surface(&ray, &hit);
                 places.extend(diffuse_sides(world, &at, pixel));
-                ray = Ray { o: at.spawn_origin(d), tmin: f32::MIN_POSITIVE, ..ray };
+                ray = Ray { tmax: ray.tmax, ..Ray::leaving(&at, d) };
             }
         }
     }

@@ -5,7 +5,7 @@
 //!             alone, counts zero: it belongs to direct light and to the caustic map
 //! Chain       a surface is split into its diffuse part and the rest. The ray ends on the diffuse part with the
 //!             probability p_d = albedo_d / (albedo_d + albedo_rest) and weight T albedo_d / p_d; else it follows a sample
-//!             of the rest with T f cos / (pdf (1 - p_d)). Where the rest is rougher than [`NEARLY_SPECULAR_ALPHA`],
+//!             of the rest with T f cos / (pdf (1 - p_d)). Where the rest is not [`nearly_specular`],
 //!             lamps light it: by a light sample, and by what the ray meets next, with the power heuristic (the ray's
 //!             density is (1 - p_d) pdf): [`glossy_direct`]
 //! Measure     light and BSDF densities per solid angle at the surface they belong to
@@ -16,7 +16,7 @@
 //! Verified by tests/irradiance_cache.rs: closed furnaces with Lambert, mirror and mixed walls
 
 use super::cache_file::{Stored, stored};
-use super::{NEARLY_SPECULAR_ALPHA, World, power_heuristic};
+use super::{World, nearly_specular, power_heuristic};
 use crate::accel::Ray;
 use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::{LightSample, LobeKind, SurfacePoint, Transport};
@@ -172,7 +172,7 @@ impl World<'_> {
                 found.end = usable(DiffuseEnd { at, wo, weight: throughput * albedo });
                 return found;
             };
-            let rough = !rest.is_delta() && rest.min_alpha() >= NEARLY_SPECULAR_ALPHA;
+            let rough = !rest.is_delta() && !nearly_specular(&rest, LobeKind::Glossy);
             if rough {
                 on_glossy(GlossyLight::Vertex { at, wo, throughput });
             }
@@ -193,7 +193,7 @@ impl World<'_> {
                     found.normal = -d;
                 }
             }
-            ray = Ray { o: at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+            ray = Ray::leaving(&at, s.wi);
         }
         found
     }

@@ -34,7 +34,7 @@ const SKY: u64 = 0x6b1;
 
 /// Whether the environment of the scene is gathered: there is one and it is soft.
 pub fn is_gathered(world: &World) -> bool {
-    let contrast = world.scene.lights.environment_contrast(&world.scene.images);
+    let contrast = world.scene.lights.environment_contrast();
     contrast > 0.0 && contrast <= SOFT
 }
 
@@ -69,7 +69,7 @@ pub fn sky(
                     continue;
                 }
                 counts.shadow_rays += 1;
-                let ray = Ray { o: at.spawn_origin(d), d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+                let ray = Ray::leaving(&at, d);
                 sum += radiance * world.transmittance(ray, false).share;
             }
             if wanted >= 1.0 { sum / count as f32 } else { sum / wanted }

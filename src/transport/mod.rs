@@ -51,6 +51,9 @@ pub use world::{MAX_PASSED_SURFACES, Through, World, power_heuristic};
 /// sampling do better than photons.
 pub const NEARLY_SPECULAR_ALPHA: f32 = 0.1;
 
+/// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
+pub const MAX_SURVIVAL: f32 = 0.95;
+
 /// Whether a scattering by `lobe`, drawn from `rest`, the part of a material that is not diffuse ([`Bsdf::split`]), is (nearly) specular.
 pub fn nearly_specular(rest: &Bsdf, lobe: LobeKind) -> bool {
     match lobe {

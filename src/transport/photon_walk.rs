@@ -19,7 +19,7 @@
 
 use super::differential::{Differential, Meeting, parameters};
 use super::photon::{Ledger, LightLedger, Photon, PhotonClass};
-use super::{MAX_PASSED_SURFACES, World, nearly_specular};
+use super::{MAX_PASSED_SURFACES, MAX_SURVIVAL, World, nearly_specular};
 use crate::accel::Ray;
 use crate::emission::{EmissionDensity, EmittedRay};
 use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
@@ -31,8 +31,6 @@ use std::f64::consts::PI;
 const CHUNK: usize = 4096;
 /// Most scatterings of a photon: a bound for those that no surface ever absorbs.
 const MOST_SCATTERINGS: u32 = 256;
-/// Highest probability of survival from `rr_depth` on.
-const MAX_SURVIVAL: f32 = 0.95;
 /// Lowest probability with which a walk for caustics follows the rest of a material that is mostly diffuse.
 const MIN_REST: f32 = 0.25;
 /// Smallest geometric cosine that divides: bounds the weight of photons that graze a surface.
@@ -212,7 +210,7 @@ impl Walk<'_> {
                 break;
             }
             ledger.absorbed += (before - flux).as_dvec3();
-            ray = Ray { o: at.spawn_origin(sample.wi), d: sample.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+            ray = Ray::leaving(&at, sample.wi);
 
             if sample.lobe == LobeKind::Null {
                 beam.thin(part_pmf * sample.pmf);

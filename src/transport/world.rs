@@ -55,7 +55,7 @@ impl<'a> World<'a> {
     /// The segment from a surface point along the unit vector `wi` to a light at `distance`, for [`Self::transmittance`].
     pub fn shadow_ray(&self, at: &SurfacePoint, wi: Vec3, distance: f32) -> Ray {
         let tmax = distance * (1.0 - SHADOW_SHORTENING);
-        Ray { o: at.spawn_origin(wi), d: wi, tmin: f32::MIN_POSITIVE, tmax }
+        Ray { tmax, ..Ray::leaving(at, wi) }
     }
 
     /// What of the light reaches the end of a shadow ray. With `probe` it is found out what blocks it, at the price of a
@@ -78,7 +78,7 @@ impl<'a> World<'a> {
             if share <= 0.0 {
                 return Through { share: 0.0, blocked_by_specular: probe && bsdf.is_delta() };
             }
-            ray = Ray { o: at.spawn_origin(ray.d), tmax: ray.tmax - hit.t, ..ray };
+            ray = Ray { tmax: ray.tmax - hit.t, ..Ray::leaving(&at, ray.d) };
         }
         through(0.0)
     }

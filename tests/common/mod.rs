@@ -3,7 +3,6 @@
 
 use dualux::accel::{Accel, Simd};
 use dualux::integrators::path::{Path, PathSettings};
-use dualux::math::filter::PixelFilter;
 use dualux::math::{DMat4, DVec3, Rgb};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
@@ -17,28 +16,7 @@ pub fn empty_scene(eye: DVec3, target: DVec3, width: u32, height: u32) -> Descri
     let up = if z.y.abs() < 0.99 { DVec3::Y } else { DVec3::X };
     let x = up.cross(z).normalize();
     let to_world = DMat4::from_cols(x.extend(0.0), z.cross(x).extend(0.0), z.extend(0.0), eye.extend(1.0));
-    Description {
-        camera: CameraDesc {
-            to_world,
-            projection: Projection::Perspective {
-                x_fov: 1.0,
-                principal_point_offset: [0.0; 2],
-                aperture_radius: 0.0,
-                focus_distance: 1.0,
-            },
-            near_clip: 1e-4,
-            far_clip: 1e6,
-        },
-        film: FilmDesc { width, height, crop: [0, 0, width, height], filter: PixelFilter::Box { radius: 0.5 } },
-        integrator: IntegratorDesc::default(),
-        sample_count: None,
-        seed: 0,
-        images: vec![],
-        textures: vec![],
-        materials: vec![],
-        shapes: vec![],
-        lights: vec![],
-    }
+    Description::empty(to_world, width, height)
 }
 
 /// Adds a material and returns its index.

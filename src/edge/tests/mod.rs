@@ -12,9 +12,7 @@ use super::view::{View, to_dual};
 use crate::accel::Accel;
 use crate::math::sampler::{hash, unit_f32};
 use crate::math::{DMat4, DVec3, Vec3};
-use crate::scene::description::{
-    CameraDesc, Description, FilmDesc, GeometryDesc, IntegratorDesc, Projection, ShapeDesc,
-};
+use crate::scene::description::{Description, GeometryDesc, ShapeDesc};
 use crate::scene::mesh::MeshData;
 use crate::scene::{Color, Material, Scene};
 use dualux_dual::Family;
@@ -56,33 +54,9 @@ pub(super) fn scene_of(shapes: Vec<ShapeDesc>, material: Material) -> (Scene, Ac
 }
 
 pub(super) fn scene_with(shapes: Vec<ShapeDesc>, materials: Vec<Material>) -> (Scene, Accel) {
-    let description = Description {
-        camera: CameraDesc {
-            to_world: DMat4::IDENTITY,
-            projection: Projection::Perspective {
-                x_fov: 1.0,
-                principal_point_offset: [0.0; 2],
-                aperture_radius: 0.0,
-                focus_distance: 1.0,
-            },
-            near_clip: 0.0,
-            far_clip: 1e6,
-        },
-        film: FilmDesc {
-            width: 64,
-            height: 64,
-            crop: [0, 0, 64, 64],
-            filter: crate::math::filter::PixelFilter::Box { radius: 0.5 },
-        },
-        integrator: IntegratorDesc::default(),
-        sample_count: None,
-        seed: 0,
-        images: vec![],
-        textures: vec![],
-        materials,
-        shapes,
-        lights: vec![],
-    };
+    let mut description = Description::empty(DMat4::IDENTITY, 64, 64);
+    description.camera.near_clip = 0.0;
+    (description.materials, description.shapes) = (materials, shapes);
     let scene = Scene::new(description).unwrap();
     let accel = Accel::new(&scene.shapes);
     (scene, accel)

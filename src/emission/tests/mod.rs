@@ -8,9 +8,7 @@ mod maps;
 
 use super::*;
 use crate::math::{DMat4, DVec3, Vec2, Vec3};
-use crate::scene::description::{
-    CameraDesc, Description, FilmDesc, GeometryDesc, IntegratorDesc, LightDesc, Projection, ShapeDesc,
-};
+use crate::scene::description::{Description, GeometryDesc, LightDesc, ShapeDesc};
 use crate::scene::mesh::MeshData;
 use crate::scene::texture::{TexFilter, Wrap};
 use crate::scene::{Bitmap, Color, Material, Scene, Texture};
@@ -20,26 +18,6 @@ pub(super) fn scene(shapes: Vec<ShapeDesc>, lights: Vec<LightDesc>) -> Scene {
     let white = || Color::Constant(Vec3::ONE);
     let pixels = [[0.1, 1.0, 0.0], [4.0, 0.2, 0.3], [0.0, 0.5, 2.0], [1.0, 0.0, 3.0], [0.0; 3], [0.4, 0.5, 0.6]];
     Scene::new(Description {
-        camera: CameraDesc {
-            to_world: DMat4::IDENTITY,
-            projection: Projection::Perspective {
-                x_fov: 1.0,
-                principal_point_offset: [0.0; 2],
-                aperture_radius: 0.0,
-                focus_distance: 1.0,
-            },
-            near_clip: 1e-3,
-            far_clip: 1e4,
-        },
-        film: FilmDesc {
-            width: 8,
-            height: 8,
-            crop: [0, 0, 8, 8],
-            filter: crate::math::filter::PixelFilter::Box { radius: 0.5 },
-        },
-        integrator: IntegratorDesc::default(),
-        sample_count: None,
-        seed: 0,
         images: vec![Bitmap { width: 3, height: 2, pixels: pixels.map(Vec3::from).to_vec() }],
         textures: vec![Texture::Bitmap {
             image: 0,
@@ -55,6 +33,7 @@ pub(super) fn scene(shapes: Vec<ShapeDesc>, lights: Vec<LightDesc>) -> Scene {
         ],
         shapes,
         lights,
+        ..Description::empty(DMat4::IDENTITY, 8, 8)
     })
     .expect("a good scene")
 }

@@ -34,14 +34,7 @@ impl<'a> Caustics<'a> {
                 Box::new(EdgeAdaptive::new(scene, world.accel, n, &adaptive, settings.seed))
             }
         };
-        let map = MapSettings {
-            seed: settings.seed,
-            kernel: settings.kernel,
-            max_depth: settings.path.max_depth,
-            rr_depth: settings.path.rr_depth,
-            ..MapSettings::default()
-        };
-        Some(Caustics { world, density, map })
+        Some(Caustics { world, density, map: settings.map() })
     }
 
     /// Photons emitted in each pass.

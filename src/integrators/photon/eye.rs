@@ -10,7 +10,7 @@
 //!
 //! So a path that goes on from d counts no emitter it meets before a surface that is not nearly specular (`covered`), and at a
 //! nearly specular surface that it meets until then, light is not sampled. Nearly specular: Dirac lobes, and glossy ones of a roughness
-//! below [`NEARLY_SPECULAR_ALPHA`]; the lobe that scattered decides. Without caustic photons the path itself finds caustics.
+//! below a threshold; the lobe that scattered decides ([`nearly_specular`]). Without caustic photons the path itself finds caustics.
 //!
 //! Branching: Dirac lobes at the first vertices send on both mirrored and refracted ray ([`MOST_BRANCHES`]).
 //! Verified by tests/furnace.rs and tests/photon.rs: agreement with the path tracer, part by part.
@@ -25,7 +25,7 @@ use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::direct::{Direct, Found, Stage, Vantage};
 use crate::transport::photon_map::{Filter, GlobalMap};
 use crate::transport::surfels::Facet;
-use crate::transport::{CausticMap, IrradianceCache, MAX_PASSED_SURFACES, NEARLY_SPECULAR_ALPHA, World};
+use crate::transport::{CausticMap, IrradianceCache, MAX_PASSED_SURFACES, MAX_SURVIVAL, World, nearly_specular};
 use arrayvec::ArrayVec;
 use std::f32::consts::FRAC_1_PI;
 
@@ -35,8 +35,6 @@ const MOST_BRANCHES: usize = 8;
 const FIRST_DEPTH: u32 = 4;
 /// Rays of less importance (throughput x eta^2) than this live on by roulette, whatever their depth.
 const DIM: f32 = 0.05;
-/// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
-const MAX_SURVIVAL: f32 = 0.95;
 
 /// All that an eye path asks.
 pub struct Eye<'a> {
@@ -85,11 +83,12 @@ struct Branch {
 struct End<'s> {
     at: &'s SurfacePoint,
     wo: Vec3,
-    vantage: Vantage,
+    /// The diffuse part of the material there.
+    diffuse: Option<&'s Bsdf>,
+    /// The other part.
+    rest: Option<&'s Bsdf>,
     /// Whether the path may not get longer.
     last: bool,
-    /// Random numbers for what goes on: two of the direction, the lobe, roulette.
-    u: [f32; 4],
 }
 
 /// A camera sample on its way.
@@ -144,7 +143,7 @@ impl Eye<'_> {
         let is_emitter = scene.shapes[at.shape as usize].emission.is_some();
         if is_emitter && !emitters_seen {
             b.passed += 1;
-            b.ray = Ray { o: at.spawn_origin(b.ray.d), tmin: f32::MIN_POSITIVE, tmax: b.ray.tmax - hit.t, ..b.ray };
+            b.ray = Ray { tmax: b.ray.tmax - hit.t, ..Ray::leaving(&at, b.ray.d) };
             if b.passed <= MAX_PASSED_SURFACES {
                 sample.waiting.push(b);
             }
@@ -166,11 +165,9 @@ impl Eye<'_> {
             return;
         }
         let (diffuse, rest) = bsdf.split();
-        let vantage = Vantage::new(&at, diffuse.as_ref(), rest.as_ref(), stage(&b));
-        let known = if last { true } else { self.reflected(&b, &at, wo, diffuse.as_ref(), rest.as_ref(), sample) };
-        let unknown = diffuse.filter(|_| !known);
-        let end = End { at: &at, wo, vantage, last, u: sample.rng.next_4d() };
-        self.go_on(b, &end, unknown.as_ref(), rest.as_ref(), sample);
+        let end = End { at: &at, wo, diffuse: diffuse.as_ref(), rest: rest.as_ref(), last };
+        let known = last || self.reflected(&b, &end, sample);
+        self.go_on(b, &end, known, sample);
     }
 
     /// Weight of an emitter that a ray meets.
@@ -187,19 +184,12 @@ impl Eye<'_> {
     fn is_covered(&self, came: &Came, rest: &Bsdf) -> bool {
         matches!(came, Came::Diffuse | Came::Covered)
             && self.caustics.is_some()
-            && rest.min_alpha() < NEARLY_SPECULAR_ALPHA
+            && nearly_specular(rest, LobeKind::Glossy)
     }
 
     /// Adds what the surface reflects of light known there. True if that is all the light on the diffuse part.
-    fn reflected(
-        &self,
-        b: &Branch,
-        at: &SurfacePoint,
-        wo: Vec3,
-        diffuse: Option<&Bsdf>,
-        rest: Option<&Bsdf>,
-        sample: &mut Sample,
-    ) -> bool {
+    fn reflected(&self, b: &Branch, end: &End, sample: &mut Sample) -> bool {
+        let &End { at, wo, diffuse, rest, .. } = end;
         let parts = self.parts();
         let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
         if (diffuse.is_some() || sampled.is_some()) && (if b.indirect { parts.indirect } else { parts.direct }) {
@@ -229,12 +219,12 @@ impl Eye<'_> {
         cached.is_some()
     }
 
-    /// Sends rays on from the surface: from `rest`, and from the diffuse part where its light is not known.
-    fn go_on(&self, b: Branch, end: &End, unknown: Option<&Bsdf>, rest: Option<&Bsdf>, sample: &mut Sample) {
-        let [ux, uy, mut u_lobe, _] = end.u;
+    /// Sends rays on from the surface: from the rest, and from the diffuse part where its light is not `known`.
+    fn go_on(&self, b: Branch, end: &End, known: bool, sample: &mut Sample) {
+        let [ux, uy, mut u_lobe, u_roulette] = sample.rng.next_4d();
         let crowded = b.blurred || MOST_BRANCHES - sample.waiting.len() < 4;
         let mut shares = [1.0; 2];
-        let (mut unknown, mut rest) = (unknown, rest);
+        let (mut unknown, mut rest) = (end.diffuse.filter(|_| !known), end.rest);
         if let (Some(d), Some(r), true) = (unknown, rest, crowded) {
             // No room for both: one by chance.
             let [d_share, r_share] = [d, r].map(|part| luminance(part.albedo(end.wo)).max(1e-6));
@@ -247,7 +237,7 @@ impl Eye<'_> {
         }
         let u = Vec2::new(ux, uy);
         if let Some(s) = unknown.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
-            self.push(&b, end, &s, shares[0], Came::Diffuse, sample);
+            self.push(&b, end, &s, (shares[0], u_roulette), Came::Diffuse, sample);
         }
         let Some(rest) = rest else { return };
         let branches = if crowded { None } else { rest.branches(end.wo, Transport::Radiance) };
@@ -259,14 +249,17 @@ impl Eye<'_> {
                 LobeKind::Specular if covered => Came::Covered,
                 LobeKind::Specular => Came::Plain,
                 _ if self.is_covered(&b.came, rest) => Came::Covered,
-                _ => Came::Glossy { from: end.vantage, pdf_dir: s.pdf_dir },
+                _ => {
+                    let from = Vantage::new(end.at, end.diffuse, end.rest, stage(&b));
+                    Came::Glossy { from, pdf_dir: s.pdf_dir }
+                }
             };
-            self.push(&b, end, s, shares[1], came, sample);
+            self.push(&b, end, s, (shares[1], u_roulette), came, sample);
         }
     }
 
-    /// Lets the scattered ray wait, if it survives.
-    fn push(&self, b: &Branch, end: &End, s: &BsdfSample, share: f32, came: Came, sample: &mut Sample) {
+    /// Lets the scattered ray wait, if it survives: `share` is the probability of having chosen its part of the material, `u` decides.
+    fn push(&self, b: &Branch, end: &End, s: &BsdfSample, (share, u): (f32, f32), came: Came, sample: &mut Sample) {
         let straight = s.lobe == LobeKind::Null;
         if (end.last && !straight) || (straight && b.passed >= MAX_PASSED_SURFACES) {
             return;
@@ -279,12 +272,12 @@ impl Eye<'_> {
         if depth >= self.settings.path.rr_depth && !straight {
             survival = survival.min(importance.min(MAX_SURVIVAL));
         }
-        if end.u[3] >= survival {
+        if u >= survival {
             return;
         }
         // There is always room for one, and for more where more were sent.
         let _ = sample.waiting.try_push(Branch {
-            ray: Ray { o: end.at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY },
+            ray: Ray::leaving(end.at, s.wi),
             throughput: throughput / survival,
             eta2,
             depth,

@@ -22,17 +22,10 @@ impl<'a> Global<'a> {
     /// `None` without lights.
     pub fn new(world: World<'a>, settings: &PhotonSettings) -> Option<Self> {
         let n = settings.photons.map_or(AUTOMATIC, |n| n as usize);
-        let path = settings.path;
         (!world.scene.lights.is_empty()).then(|| Global {
             world,
             density: Uniform::new(world.scene, n, Sequence::OwenSobol, settings.seed),
-            map: MapSettings {
-                seed: settings.seed,
-                kernel: settings.kernel,
-                max_depth: path.max_depth,
-                rr_depth: path.rr_depth,
-                ..MapSettings::default()
-            },
+            map: settings.map(),
         })
     }
 

@@ -68,7 +68,7 @@ fn seen(world: World, pixel: Vec2, found: &mut Vec<Place>) {
             let scatterings = way.scatterings + u32::from(!straight);
             let weight = way.weight * (s.weight * (s.eta * s.eta)).max_element();
             if scatterings <= MOST_SCATTERINGS && weight > FAINT && passed <= MAX_PASSED_SURFACES {
-                let ray = Ray { o: at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+                let ray = Ray::leaving(&at, s.wi);
                 let _ = waiting.try_push(Way { ray, before: travelled, weight, scatterings });
             }
         }

@@ -2,7 +2,7 @@
 
 use crate::integrators::path::PathSettings;
 use crate::transport::direct::DirectSettings;
-use crate::transport::photon_map::Kernel;
+use crate::transport::photon_map::{Kernel, PhotonSettings as MapSettings};
 use clap::ValueEnum;
 
 /// How photons leave the lights.
@@ -52,9 +52,9 @@ pub struct PhotonSettings {
     pub indirect: Indirect,
     /// Antialiasing.
     pub antialiasing: Antialiasing,
-    /// Photons per pass for the global map; `None`: as many as pixels.
+    /// Photons per pass for the global map; `None`: 100,000.
     pub photons: Option<u64>,
-    /// Photons per pass for caustics; `None`: as many as pixels.
+    /// Photons per pass for caustics; `None`: as many as pixels, but within 32,768 and 262,144.
     pub caustic_photons: Option<u64>,
     /// How radiance is estimated from photons.
     pub kernel: Kernel,
@@ -80,6 +80,19 @@ impl Default for PhotonSettings {
             adaptive_sampling: true,
             parts: Parts::default(),
             seed: 0,
+        }
+    }
+}
+
+impl PhotonSettings {
+    /// What photon maps are told of them.
+    pub(super) fn map(&self) -> MapSettings {
+        MapSettings {
+            seed: self.seed,
+            kernel: self.kernel,
+            max_depth: self.path.max_depth,
+            rr_depth: self.path.rr_depth,
+            ..MapSettings::default()
         }
     }
 }

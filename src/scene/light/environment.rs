@@ -38,6 +38,8 @@ pub struct EnvMap {
     cos: Vec<f64>,
     /// Integral of the radiance over all directions.
     integral: Rgb,
+    /// Greatest luminance of a texel.
+    peak: f32,
 }
 
 /// A direction drawn from a map.
@@ -83,13 +85,12 @@ impl Environment {
     }
 
     /// Greatest luminance over the mean over all directions: 1 for a constant one, thousands for a sun in a map. 0 if black.
-    pub fn contrast(&self, images: &[Bitmap]) -> f32 {
+    pub fn contrast(&self) -> f32 {
         match self {
             Environment::Constant { radiance } => f32::from(u8::from(luminance(*radiance) > 0.0)),
             Environment::Map(m) => {
-                let peak = images[m.image as usize].pixels.iter().map(|&c| luminance(c * m.scale)).fold(0.0, f32::max);
                 let mean = luminance(m.integral) / (2.0 * TAU);
-                if mean > 0.0 { peak / mean } else { 0.0 }
+                if mean > 0.0 { m.peak / mean } else { 0.0 }
             }
         }
     }
@@ -143,7 +144,9 @@ impl EnvMap {
             }
         }
         let total = integral.map(|x| (x * 4.0 * std::f64::consts::PI / w as f64) as f32);
-        Some(EnvMap { image, scale, to_local, density: Piecewise2::new(&values, w), cos, integral: Rgb::from(total) })
+        let peak = map.pixels.iter().map(|&c| luminance(c * scale)).fold(0.0, f32::max);
+        let density = Piecewise2::new(&values, w);
+        Some(EnvMap { image, scale, to_local, density, cos, integral: Rgb::from(total), peak })
     }
 
     /// Column, row and position inside of the cell that holds the local direction `d`; rows linear in the angle.

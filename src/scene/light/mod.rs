@@ -290,8 +290,8 @@ impl Lights {
     }
 
     /// Greatest contrast of an environment (see [`Environment::contrast`]); 0 where there is none.
-    pub fn environment_contrast(&self, images: &[Bitmap]) -> f32 {
-        self.environments.iter().map(|(e, _)| e.contrast(images)).fold(0.0, f32::max)
+    pub fn environment_contrast(&self) -> f32 {
+        self.environments.iter().map(|(e, _)| e.contrast()).fold(0.0, f32::max)
     }
 
     /// Radiance from infinity along the unit direction `w` (away from the scene): all environment lights.

@@ -94,7 +94,7 @@ fn pixel(direct: &Direct, x: u32, y: u32, seed: u64, scattered_weight: impl Fn(f
     let vantage = Vantage::new(&at, diffuse.as_ref(), Some(&rest).filter(|r| !r.is_delta()), Stage::First);
     let [a, b, c, _] = rng.next_4d();
     let Some(s) = rest.sample(wo, c, Vec2::new(a, b), Transport::Radiance) else { return (sum, counts) };
-    let ray = Ray { o: at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+    let ray = Ray::leaving(&at, s.wi);
     let (radiance, weight) = match accel.closest(&ray) {
         Some(hit) => {
             let lamp = direct.world.surface(&ray, &hit);
@@ -302,7 +302,7 @@ fn weights_of_a_direction_add_up_to_one() {
                 for k in 0..200 {
                     let u = Vec2::new(0.005 * k as f32, (0.37 * k as f32).fract());
                     let Some(s) = view.sample(u) else { continue };
-                    let ray = Ray { o: at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
+                    let ray = Ray::leaving(&at, s.wi);
                     let Some(hit) = accel.closest(&ray) else { continue };
                     let lamp = world.surface(&ray, &hit);
                     let (f, pdf) = rest.eval_pdf(wo, s.wi, Transport::Radiance);

@@ -10,7 +10,6 @@ mod walk;
 use super::photon_map::{Kernel, PhotonSettings};
 use crate::accel::Accel;
 use crate::emission::{EmissionDensity, EmittedRay, Spread};
-use crate::math::filter::PixelFilter;
 use crate::math::{DMat4, DVec3, Rgb, Sampler, Vec3, warp};
 use crate::scene::description::*;
 use crate::scene::{Color, Description, Material, Scene};
@@ -42,28 +41,9 @@ pub fn empty() -> Description {
         (-DVec3::Y).extend(0.0),
         DVec3::new(0.0, 10.0, 0.0).extend(1.0),
     );
-    Description {
-        camera: CameraDesc {
-            to_world,
-            projection: Projection::Perspective {
-                x_fov: 1.0,
-                principal_point_offset: [0.0; 2],
-                aperture_radius: 0.0,
-                focus_distance: 1.0,
-            },
-            near_clip: 1e-4,
-            far_clip: 1e6,
-        },
-        film: FilmDesc { width: 64, height: 64, crop: [0, 0, 64, 64], filter: PixelFilter::Box { radius: 0.5 } },
-        integrator: IntegratorDesc::default(),
-        sample_count: None,
-        seed: 0,
-        images: vec![],
-        textures: vec![],
-        materials: vec![],
-        shapes: vec![],
-        lights: vec![LightDesc::Point { position: DVec3::new(0.0, 2.0, 0.0), intensity: Rgb::ONE }],
-    }
+    let mut scene = Description::empty(to_world, 64, 64);
+    scene.lights.push(LightDesc::Point { position: DVec3::new(0.0, 2.0, 0.0), intensity: Rgb::ONE });
+    scene
 }
 
 pub fn add_material(scene: &mut Description, material: Material) -> MaterialId {

@@ -182,7 +182,6 @@ fn a_coat_of_little_roughness_throws_the_caustic_of_a_smooth_one() {
         },
     };
     let (smooth, sharp, dull) = (ceiling(smooth), ceiling(rough(0.01)), ceiling(rough(0.09)));
-    println!("coats: {smooth:?} {sharp:?} {dull:?}");
     assert!((sharp.0 / smooth.0 - 1.0).abs() < 0.05, "{} {}", sharp.0, smooth.0);
     assert!((sharp.1 - smooth.1).length() < 0.1);
     // Roughness inflates footprints.
