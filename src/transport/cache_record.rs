@@ -103,7 +103,7 @@ impl Record {
         let radius = |r: f32| if r < bound { r.max(limits.min) } else { bound.max(limits.min) };
         let frame =
             Frame { s: frame.s * axis.x + frame.t * axis.y, t: frame.t * axis.x - frame.s * axis.y, n: frame.n };
-        Record {
+        let mut record = Record {
             p,
             frame,
             radii: Vec2::new(radius(size / ratio), radius(size * ratio)),
@@ -111,7 +111,9 @@ impl Record {
             translation,
             rotation: turn(e.rotation),
             risers: risers(&frame),
-        }
+        };
+        record.tame();
+        record
     }
 
     /// Takes over the values of an estimate in `frame`; the radii stay.
@@ -123,6 +125,18 @@ impl Record {
         self.irradiance = e.irradiance;
         self.translation = turn(e.translation);
         self.rotation = turn(e.rotation);
+        self.tame();
+    }
+
+    /// Bounds the derivative where the radius is larger than it allows, because of the least radius or because the light has become
+    /// known better since: over the mean radius the irradiance at most doubles (Krivanek et al. 2006, section 3).
+    fn tame(&mut self) {
+        let slope = Vec2::new(luminance(self.translation[0]), luminance(self.translation[1])).length();
+        let change = slope * self.mean_radius();
+        let most = luminance(self.irradiance);
+        if change > most {
+            self.translation.iter_mut().for_each(|t| *t *= most / change);
+        }
     }
 
     /// Mean of the two radii.
@@ -169,5 +183,39 @@ impl Record {
         let moved = self.translation[0] * v.dot(self.frame.s) + self.translation[1] * v.dot(self.frame.t);
         let turned = self.rotation[0] * dn.dot(self.frame.s) + self.rotation[1] * dn.dot(self.frame.t);
         (self.irradiance + moved + turned).max(Rgb::ZERO)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A record whose light changes a hundredfold within a tenth of its least radius, as in the last pixel before an edge.
+    fn steep() -> (Frame, Estimate, RadiusLimits) {
+        let e = Estimate {
+            irradiance: Rgb::ONE,
+            translation: [Rgb::splat(1000.0), Rgb::ZERO],
+            rotation: [Rgb::ZERO; 2],
+            hessian: [1e6, 0.0, 0.0],
+        };
+        (Frame::from_normal(Vec3::Z), e, RadiusLimits { error: 0.01, floor: 0.1, min: 1.0, max: 10.0 })
+    }
+
+    #[test]
+    fn a_radius_larger_than_the_derivative_allows_does_not_extrapolate_to_fireflies() {
+        let (frame, e, limits) = steep();
+        let mut record = Record::new(Vec3::ZERO, &frame, &e, &limits, |_| [Riser::NONE; SECTORS]);
+        let brightest = |r: &Record| {
+            let along = |k: i32| r.predict(frame.s * (0.01 * k as f32 * r.extent()), Vec3::Z).x;
+            (-100..=100).map(along).fold(0.0, f32::max)
+        };
+        assert_eq!(record.radii, Vec2::ONE);
+        assert!(brightest(&record) <= 1.0 + BORDER + 1e-5, "{}", brightest(&record));
+        // Light that became known later.
+        record.update(&frame, &Estimate { irradiance: Rgb::splat(0.5), ..e });
+        assert!(brightest(&record) <= 0.5 * (1.0 + BORDER) + 1e-5, "{}", brightest(&record));
+        // A derivative within bounds is left alone.
+        record.update(&frame, &Estimate { translation: [Rgb::splat(0.3), Rgb::ZERO], ..e });
+        assert!((record.predict(frame.s, Vec3::Z).x - 1.3).abs() < 1e-5);
     }
 }
