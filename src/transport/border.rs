@@ -11,11 +11,12 @@
 //! neither tiles of one floor nor smooth meshes grow bright seams.
 //! Source: Silverman 1986, "Density Estimation for Statistics and Data Analysis", 2.10 (reflection); METHODS 3.E, boundary bias.
 //! Bias: the slope of the light is cut off at borders, first order in the kernel's width.
-//! Not handled: borders of curved patches, concave corners, kernels that other objects stand on, patches of more than
-//! [`MOST_TRIANGLES`] triangles (no images). Verified by `tests/borders.rs`: closed forms at the foot of walls, seams, corners.
+//! What stands on a surface is a border too ([`super::obstacle`]).
+//! Not handled: borders of curved patches, concave corners, patches of more than [`MOST_TRIANGLES`] triangles (no images). Verified by `tests/borders.rs`: closed forms at the foot of walls, seams, corners.
 
 use super::World;
 use super::footprint_kernel::Ellipsoid;
+use super::obstacle::Obstacle;
 use super::photon::Photon;
 use super::photon_map::NORMAL_CONE;
 use crate::accel::Ray;
@@ -28,6 +29,9 @@ use arrayvec::ArrayVec;
 pub const MOST_TRIANGLES: usize = 24;
 /// Images of a photon, at most.
 pub const MOST_IMAGES: usize = 8;
+/// Cosine between what stands on a surface and a border beside it, and their distance in long half axes, from and up to which both are one.
+const ALIKE: f32 = 0.9;
+const NEXT: f32 = 0.25;
 /// Cosine between borders up to which they are at right angles.
 const RIGHT_ANGLE: f32 = 0.05;
 
@@ -37,8 +41,8 @@ pub type Images = ArrayVec<Ellipsoid, MOST_IMAGES>;
 /// A border as a half-plane: unit normal in the tangent plane and offset.
 type Border = (Vec3, f32);
 
-/// Mirrors the kernel `e` of `photon` at the borders that it crosses.
-pub fn images(world: World, photon: &Photon, e: &Ellipsoid) -> Images {
+/// Mirrors the kernel `e` of `photon` at the borders that it crosses, and at straight obstacles within it.
+pub fn images(world: World, photon: &Photon, e: &Ellipsoid, obstacle: Option<&Obstacle>) -> Images {
     let mut fold = Fold { world, e, n: photon.n, borders: ArrayVec::new() };
     match &world.scene.shapes[photon.shape as usize].geometry {
         Geometry::Rectangle(r) => {
@@ -56,6 +60,9 @@ pub fn images(world: World, photon: &Photon, e: &Ellipsoid) -> Images {
         }
         Geometry::Mesh(mesh) => fold.coplanar(mesh, photon.prim),
         Geometry::Sphere(_) | Geometry::Cylinder(_) => {}
+    }
+    if let Some(obstacle) = obstacle {
+        obstacle.borders().for_each(|border| fold.stands(border));
     }
     fold.images()
 }
@@ -87,6 +94,16 @@ impl Fold<'_> {
         let same = |o: &Border| m.dot(o.0).abs() > 0.999 && (o.0.dot(a) - o.1).abs() < 1e-3 * reach;
         if !self.borders.iter().any(same) && !self.goes_on(la, lb) {
             let _ = self.borders.try_push(border);
+        }
+    }
+
+    /// Notes a border at which something stands, unless an edge lies there or another one next to it.
+    fn stands(&mut self, (m, offset): Border) {
+        let reach = self.e.radii[0];
+        let away = |(m, offset): &Border| (m.dot(self.e.p) - offset).abs();
+        let same = |o: &Border| m.dot(o.0).abs() > ALIKE && (away(o) - away(&(m, offset))).abs() < NEXT * reach;
+        if !self.borders.iter().any(same) {
+            let _ = self.borders.try_push((m, offset));
         }
     }
 

@@ -21,8 +21,8 @@
 //! Verified by tests/irradiance_cache.rs
 
 use super::cache_file::stored;
-use super::gather_cache::{Riser, SECTORS, sector};
 use super::gather_strata::Estimate;
+use super::riser::{Riser, SECTORS, sector};
 use crate::math::{Frame, Rgb, Vec2, Vec3, luminance};
 
 /// b: how far beyond its radius a record is still used.

@@ -13,6 +13,7 @@ use super::cache_file::{Stored, stored};
 use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
+use super::riser::{Riser, SECTORS, sector};
 use super::surfel_light::SurfelLight;
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::{hash, unit_f32};
@@ -22,8 +23,6 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 /// No surfel: the ray was absorbed or left the scene.
 pub const NO_SURFEL: u32 = u32::MAX;
-/// Directions along the surface in which a record knows how far it may reach.
-pub const SECTORS: usize = 16;
 /// Sine of the least slope, against the record's plane, of what rises from it.
 const STEEP: f32 = 0.5;
 /// Records that one task gathers for.
@@ -34,23 +33,6 @@ const JITTER: u64 = 0x6a2;
 const CHAIN: u64 = 0x6a3;
 const GLOSSY: u64 = 0x6a4;
 const SKY: u64 = 0x6a5;
-
-/// A surface that rises from the plane of a record: points with `normal . x < offset` lie behind it. In the tangent plane,
-/// relative to the record.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Riser {
-    /// Its normal, projected and normalised.
-    pub normal: Vec2,
-    /// Of its trace in the plane; not positive unless the record itself is behind it.
-    pub offset: f32,
-}
-
-stored!(Riser { normal, offset });
-
-impl Riser {
-    /// Nothing rises.
-    pub const NONE: Riser = Riser { normal: Vec2::ZERO, offset: f32::NEG_INFINITY };
-}
 
 /// What a gather ray of a record has hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -328,19 +310,6 @@ impl GatherCache {
         let sum: f32 = self.hits(record).iter().map(|h| h.inverse_distance).sum();
         self.strata.len() as f32 / sum
     }
-}
-
-/// The sector of a direction in the tangent plane; sectors have equal shares of |x| + |y| = 1.
-pub fn sector(v: Vec2) -> usize {
-    let t = v.y / (v.x.abs() + v.y.abs());
-    let turn = if v.x < 0.0 {
-        2.0 - t
-    } else if v.y < 0.0 {
-        4.0 + t
-    } else {
-        t
-    };
-    ((turn * (SECTORS as f32 / 4.0)) as usize).min(SECTORS - 1)
 }
 
 impl Stored for GatherCache {

@@ -3,14 +3,15 @@
 //! * [`World`]: a scene with its acceleration structure, and what every walk asks of the two
 //! * [`direct`]: light that comes straight from emitters; [`light_tree`]: one of many lights
 //! * [`photon`], [`photon_walk`], [`differential`]: photons, their random walk, and the footprints that they carry
-//! * [`footprint_kernel`], [`border`]: the kernel of a photon's own footprint, and what becomes of it at borders
+//! * [`footprint_kernel`], [`border`], [`obstacle`]: the kernel of a photon's own footprint, and what becomes of it at borders and at the
+//!   foot of what stands on the surface
 //! * [`photon_tree`]: all photons whose reach covers a point; [`nearest`]: the nearest photons
 //! * [`photon_map`]: radiance and irradiance from photons; [`photon_ply`]: photons as a point cloud
 //! * [`antialias`]: which pixels need several samples
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
 //!   irradiance), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits),
-//!   [`cache_record`] (radii and weights), [`sphere_octree`] (look-up), [`cache_placement`] (places for it all over a scene),
+//!   [`cache_record`] (radii and weights), [`riser`] (what stands between), [`sphere_octree`] (look-up), [`cache_placement`] (places for it all over a scene),
 //!   [`cache_file`]
 
 pub mod antialias;
@@ -28,11 +29,13 @@ pub mod gather_strata;
 pub mod irradiance_cache;
 pub mod light_tree;
 pub mod nearest;
+pub mod obstacle;
 pub mod photon;
 pub mod photon_map;
 pub mod photon_ply;
 pub mod photon_tree;
 pub mod photon_walk;
+pub mod riser;
 pub mod sphere_octree;
 pub mod surfel_light;
 pub mod surfels;

@@ -10,6 +10,7 @@
 //! Source: Jensen 1996; k - 1: Mack & Rosenblatt 1979, as of METHODS 3.E.
 //! Bias: blur by r; at corners r reaches photons of other walls, which do not count. Verified by `tests/nearest.rs` against brute force.
 
+use super::obstacle::NONE;
 use super::photon::Photon;
 use super::photon_map::Arrival;
 use crate::math::{Mat3, Vec3};
@@ -35,7 +36,7 @@ impl NearestPhotons {
         let usable: Vec<&Photon> = photons.iter().filter(|p| p.p.is_finite()).collect();
         let arrival = |p: &&Photon| {
             let Photon { wi, n, flux, shading, segments, .. } = **p;
-            Arrival { power: flux, wi, n, shading, segments }
+            Arrival { power: flux, wi, n, shading, segments, obstacle: NONE }
         };
         let arrivals = usable.iter().map(arrival).collect();
         let points: Vec<[f32; 3]> = usable.iter().map(|p| (turn * p.p).to_array()).collect();

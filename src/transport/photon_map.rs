@@ -18,6 +18,7 @@
 
 use super::footprint_kernel::{Smallest, Widths};
 use super::nearest::NearestPhotons;
+use super::obstacle::Obstacles;
 use super::photon::{Ledger, Photon, PhotonClass};
 use super::photon_tree::PhotonTree;
 use super::photon_walk::{GRAZING, Goal, Traced, WalkSettings, trace};
@@ -150,13 +151,15 @@ pub struct Arrival {
     pub shading: f32,
     /// Segments of its way.
     pub segments: u32,
+    /// Index of what stands within its kernel.
+    pub obstacle: u32,
 }
 
 /// Photons of one kind, ready to be asked.
 #[derive(Debug)]
 enum Estimator {
     /// Kernels, and how many of them are photons' own (the others are their images).
-    Tree(PhotonTree<Arrival>, usize),
+    Tree(PhotonTree<Arrival>, usize, Obstacles),
     Nearest(NearestPhotons),
 }
 
@@ -167,31 +170,35 @@ impl Estimator {
             return Estimator::Nearest(NearestPhotons::build(photons, k, widths.max));
         }
         let mut ellipsoids: Vec<_> = photons.par_iter().map(|p| widths.ellipsoid(p)).collect();
+        let (obstacles, obstacle) = Obstacles::find(world, photons, &ellipsoids);
         // Images come behind the photons, with the index of theirs.
         let mut images = Vec::new();
         if settings.fold {
-            let of = |(i, photon)| border::images(world, photon, &ellipsoids[i]).into_iter().map(move |e| (i, e));
+            let of = |(i, photon)| {
+                let obstacle = obstacles.get(obstacle[i]);
+                border::images(world, photon, &ellipsoids[i], obstacle).into_iter().map(move |e| (i, e))
+            };
             images = photons.par_iter().enumerate().flat_map_iter(of).collect();
         }
         ellipsoids.extend(images.iter().map(|(_, e)| *e));
         let arrival = |i: usize| {
             let of = if i < photons.len() { i } else { images[i - photons.len()].0 };
             let Photon { wi, n, flux, shading, segments, .. } = photons[of];
-            Arrival { power: flux * ellipsoids[i].peak(), wi, n, shading, segments }
+            Arrival { power: flux * ellipsoids[i].peak(), wi, n, shading, segments, obstacle: obstacle[of] }
         };
-        Estimator::Tree(PhotonTree::build(&ellipsoids, arrival), photons.len())
+        Estimator::Tree(PhotonTree::build(&ellipsoids, arrival), photons.len(), obstacles)
     }
 
     fn len(&self) -> usize {
         match self {
-            Estimator::Tree(_, photons) => *photons,
+            Estimator::Tree(_, photons, _) => *photons,
             Estimator::Nearest(nearest) => nearest.len(),
         }
     }
 
     fn bytes(&self) -> usize {
         match self {
-            Estimator::Tree(tree, _) => tree.bytes(),
+            Estimator::Tree(tree, _, obstacles) => tree.bytes() + obstacles.bytes(),
             Estimator::Nearest(nearest) => nearest.bytes(),
         }
     }
@@ -205,7 +212,11 @@ impl Estimator {
             }
         };
         match self {
-            Estimator::Tree(tree, _) => tree.visit(x, counts),
+            Estimator::Tree(tree, _, obstacles) => tree.visit(x, |a: &Arrival, weight| {
+                if !obstacles.hides(a.obstacle, x) {
+                    counts(a, weight);
+                }
+            }),
             Estimator::Nearest(nearest) => nearest.visit(x, &mut counts),
         }
     }

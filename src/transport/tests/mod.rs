@@ -4,6 +4,7 @@ mod borders;
 mod chains;
 mod kernel;
 mod maps;
+mod obstacles;
 mod tree;
 mod walk;
 
