@@ -15,6 +15,7 @@ use dualux::scene::description::*;
 use dualux::scene::material::{Distribution, Roughness};
 use dualux::scene::{Color, Material, Scalar, Scene};
 use dualux::transport::World;
+use dualux::transport::light_tree::LightTree;
 use std::sync::atomic::AtomicBool;
 
 /// Two-sided normal quantile at 0.01 / 40, with the wider tails of a few runs.
@@ -24,7 +25,8 @@ fn render_photon(desc: Description, settings: PhotonSettings, passes: u64) -> Pr
     let scene = Scene::new(desc).expect("the scene is valid");
     let accel = Accel::new(&scene.shapes);
     let window = scene.film.crop;
-    let mut integrator = Photon::new(World::new(&scene, &accel), settings, window);
+    let lights = LightTree::new(&scene);
+    let mut integrator = Photon::new(World::new(&scene, &accel).with_lights(&lights), settings, window);
     let run = RenderSettings { window, passes: Some(passes), deadline: None, seed: settings.seed, features: false };
     render(&scene, &mut integrator, &run, &AtomicBool::new(false), &mut Silent)
 }

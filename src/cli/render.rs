@@ -14,6 +14,7 @@ use crate::integrators::photon::{Antialiasing, Emission, Indirect};
 use crate::render::{InvalidSample, RenderSettings, render, replay, tiles_per_pass};
 use crate::transport::World;
 use crate::transport::direct::LightSampling;
+use crate::transport::light_tree::LightTree;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -177,7 +178,8 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     // A name that cannot be written must not cost a render.
     let mut output = output(args, frame, seed)?;
     let (scene, accel) = args.scene.build(description)?;
-    let mut integrator = session::integrator(args, World::new(&scene, &accel));
+    let lights = LightTree::new(&scene);
+    let mut integrator = session::integrator(args, World::new(&scene, &accel).with_lights(&lights));
     let integrator = integrator.as_mut();
     if let Some(at) = args.replay {
         let s = replay(&scene, integrator, seed, at);

@@ -20,6 +20,7 @@ use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, LightSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::light_tree::{LightTree, LitPoint};
 use crate::transport::{MAX_PASSED_SURFACES, MAX_SURVIVAL, World, power_heuristic};
+use std::borrow::Cow;
 
 /// Settings of [`Path`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +43,7 @@ impl Default for PathSettings {
 #[derive(Debug)]
 pub struct Path<'a> {
     world: World<'a>,
-    lights: LightTree,
+    lights: Cow<'a, LightTree>,
     settings: PathSettings,
 }
 
@@ -57,7 +58,8 @@ struct Previous {
 impl<'a> Path<'a> {
     /// A path tracer over `world`.
     pub fn new(world: World<'a>, settings: PathSettings) -> Self {
-        Path { world, lights: LightTree::new(world.scene), settings }
+        let lights = world.lights.map_or_else(|| Cow::Owned(LightTree::new(world.scene)), Cow::Borrowed);
+        Path { world, lights, settings }
     }
 
     /// Radiance from one light sample towards the point `at`, weighted against scattering into the same direction.

@@ -28,6 +28,7 @@ use crate::math::sampler::refine;
 use crate::math::{Rgb, Sampler, Vec3};
 use crate::scene::{Bsdf, SurfacePoint};
 use arrayvec::ArrayVec;
+use std::borrow::Cow;
 
 /// Most lights that are treated at one point.
 pub const MOST_LIGHTS: usize = 32;
@@ -147,7 +148,7 @@ pub enum Found<'a> {
 pub struct Direct<'a> {
     world: World<'a>,
     detector: EdgeDetector<'a>,
-    tree: LightTree,
+    tree: Cow<'a, LightTree>,
     settings: DirectSettings,
     /// Of each emitter that is a whole shape: prepared for the detector.
     lamps: Vec<Option<Lamp>>,
@@ -167,10 +168,12 @@ struct Point<'a> {
 struct Chosen {
     unit: Unit,
     factor: f32,
+    /// Expected number of times that it is drawn.
+    drawn: f32,
 }
 
 impl<'a> Direct<'a> {
-    /// Direct light in `world`; builds the light tree.
+    /// Direct light in `world`; builds a light tree if `world` has none.
     pub fn new(world: World<'a>, settings: DirectSettings) -> Self {
         let settings = DirectSettings {
             samples: settings.samples.clamp(1, 1 << 12),
@@ -182,7 +185,8 @@ impl<'a> Direct<'a> {
             LightSampling::Adaptive => whole_lamps(&detector),
             _ => Vec::new(),
         };
-        Direct { world, detector, tree: LightTree::new(world.scene), settings, lamps }
+        let tree = world.lights.map_or_else(|| Cow::Owned(LightTree::new(world.scene)), Cow::Borrowed);
+        Direct { world, detector, tree, settings, lamps }
     }
 
     /// The settings, within their bounds.
@@ -220,10 +224,10 @@ impl<'a> Direct<'a> {
             LightSampling::Full => {
                 let m = self.settings.samples;
                 counts.oversampled += 1;
-                let one = |c: Chosen, rng: &mut Sampler| self.sampled(&point, c.unit, m, rng, counts) * c.factor;
+                let one = |c: Chosen, rng: &mut Sampler| self.sampled(&point, c, m, rng, counts) * c.factor;
                 self.sum(&point, rng, one)
             }
-            _ => self.sum(&point, rng, |c, rng| self.sampled(&point, c.unit, 1, rng, counts) * c.factor),
+            _ => self.sum(&point, rng, |c, rng| self.sampled(&point, c, 1, rng, counts) * c.factor),
         }
     }
 
@@ -241,7 +245,15 @@ impl<'a> Direct<'a> {
         if pdf == 0.0 {
             return 1.0;
         }
-        power_heuristic(pdf_dir, self.nominal(from, unit) * pdf)
+        power_heuristic(pdf_dir, self.nominal(from.stage, self.expected_draws(from, unit)) * pdf)
+    }
+
+    /// Expected number of times that a light is drawn from a point.
+    fn expected_draws(&self, from: &Vantage, unit: Unit) -> f32 {
+        match self.takes_all(from.stage) {
+            true => f32::from(u8::from(self.tree.units().contains(&unit))),
+            false => self.draws(from.stage) as f32 * self.tree.pmf(&from.lit, unit),
+        }
     }
 
     /// Expected number of times that a light is treated from a point in this stage.
@@ -257,16 +269,12 @@ impl<'a> Direct<'a> {
         self.tree.units().len() <= self.draws(stage) as usize
     }
 
-    /// Samples per direct-light estimate that a light nominally gets: what its density counts in the weights.
-    fn nominal(&self, from: &Vantage, unit: Unit) -> f32 {
-        let per_light = match (self.settings.sampling, from.stage) {
+    /// Samples per direct-light estimate that a light nominally gets which is drawn so often: what its density counts in the weights.
+    fn nominal(&self, stage: Stage, drawn: f32) -> f32 {
+        let per_light = match (self.settings.sampling, stage) {
             (LightSampling::Full, _) => self.settings.samples,
             (LightSampling::Adaptive, Stage::First) => self.settings.samples.min(adaptive::FEW),
             _ => 1,
-        };
-        let drawn = match self.takes_all(from.stage) {
-            true => f32::from(u8::from(self.tree.units().contains(&unit))),
-            false => self.draws(from.stage) as f32 * self.tree.pmf(&from.lit, unit),
         };
         per_light as f32 * drawn
     }
@@ -275,19 +283,21 @@ impl<'a> Direct<'a> {
     fn choose(&self, point: &Point, rng: &mut Sampler) -> ArrayVec<Chosen, MOST_LIGHTS> {
         let stage = point.vantage.stage;
         if self.takes_all(stage) {
-            return self.tree.units().iter().map(|&unit| Chosen { unit, factor: 1.0 }).collect();
+            return self.tree.units().iter().map(|&unit| Chosen { unit, factor: 1.0, drawn: 1.0 }).collect();
         }
         let draws = self.draws(stage);
         let block = rng.next_block(draws);
+        let cut = self.tree.cut(&point.vantage.lit);
         let mut chosen: ArrayVec<Chosen, MOST_LIGHTS> = ArrayVec::new();
         for k in 0..draws {
             let [x, y, u, _] = block.point(k);
             let u = refine(u, crate::math::Vec2::new(x, y));
-            let Some((unit, pmf)) = self.tree.sample(&point.vantage.lit, u) else { continue };
-            let factor = 1.0 / (draws as f32 * pmf);
+            let Some((unit, pmf)) = cut.sample(u) else { continue };
+            let drawn = draws as f32 * pmf;
+            let factor = 1.0 / drawn;
             match chosen.iter_mut().find(|c| c.unit == unit) {
                 Some(before) => before.factor += factor,
-                None => chosen.push(Chosen { unit, factor }),
+                None => chosen.push(Chosen { unit, factor, drawn }),
             }
         }
         chosen

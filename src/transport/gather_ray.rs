@@ -16,6 +16,7 @@
 //! Verified by tests/irradiance_cache.rs: closed furnaces with Lambert, mirror and mixed walls
 
 use super::cache_file::{Stored, stored};
+use super::light_tree::LitPoint;
 use super::{World, nearly_specular, power_heuristic};
 use crate::accel::Ray;
 use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
@@ -147,7 +148,7 @@ impl World<'_> {
             let Some(hit) = self.accel.closest(&ray) else {
                 found.distance = f32::INFINITY;
                 if let Some((from, pdf_dir)) = glossy
-                    && self.scene.lights.pdf_dir_environment(ray.d) > 0.0
+                    && self.scene.lights.has_environment()
                 {
                     on_glossy(GlossyLight::Met { at: None, d: ray.d, from, pdf_dir, throughput });
                 }
@@ -213,9 +214,12 @@ pub fn glossy_direct(world: &World, light: &GlossyLight, rng: &mut Sampler, coun
             let (radiance, pdf_light) = match at {
                 Some(at) => (
                     scene.lights.emitted(&scene.shapes, scene.textures(), at, -*d),
-                    scene.lights.pdf_dir_surface(&scene.shapes, *from, at),
+                    world.light_pdf_dir_surface(&unoriented(*from), at),
                 ),
-                None => (scene.lights.environment(scene.textures(), *d), scene.lights.pdf_dir_environment(*d)),
+                None => (
+                    scene.lights.environment(scene.textures(), *d),
+                    world.light_pdf_dir_environment(&unoriented(*from), *d),
+                ),
             };
             *throughput * radiance * power_heuristic(*pdf_dir, pdf_light)
         }
@@ -223,17 +227,18 @@ pub fn glossy_direct(world: &World, light: &GlossyLight, rng: &mut Sampler, coun
     if value.is_finite() { value } else { Rgb::ZERO }
 }
 
+/// A glossy vertex for the choice of a light: the ray that goes on remembers its place alone.
+fn unoriented(p: Vec3) -> LitPoint {
+    LitPoint { p, n: None }
+}
+
 /// Radiance that the rest of the material at a glossy vertex scatters from the lamps, by one weighted light sample.
 fn scattered(world: &World, at: &SurfacePoint, wo: Vec3, rng: &mut Sampler, counts: &mut RayCounts) -> Rgb {
-    let scene = world.scene;
     let [ux, uy, u_light, _] = rng.next_4d();
     let (diffuse, rest) = world.bsdf(at, wo).split();
     let Some(rest) = rest else { return Rgb::ZERO };
-    let Some(LightSample { wi, distance, weight, pdf_dir, .. }) =
-        scene.lights.sample(&scene.shapes, scene.textures(), at.p, u_light, Vec2::new(ux, uy))
-    else {
-        return Rgb::ZERO;
-    };
+    let drawn = world.sample_light(&unoriented(at.p), u_light, Vec2::new(ux, uy));
+    let Some(LightSample { wi, distance, weight, pdf_dir, .. }) = drawn else { return Rgb::ZERO };
     let (f, pdf_rest) = rest.eval_pdf(wo, wi, Transport::Radiance);
     let value = f * weight;
     if value == Rgb::ZERO {

@@ -1,7 +1,8 @@
 //! Light tree: one of many lights in proportion to what it may contribute at a point.
 //!
 //! Estimates   sum_i c_i over all lights by c_i / pmf_i for a light i drawn by descent: at each node of eight children the child j is
-//!             taken with probability I_j / sum I, I the importance of its bounds at the point
+//!             taken with probability I_j / sum I, I the importance of its bounds at the point; nodes near the point are
+//!             opened before (`cut`)
 //!             I = P cos(theta') cos(theta_i') / d^2,  theta' = (theta - theta_o - theta_u)+,  theta_i' = (theta_i - theta_u)+
 //!             (Conty Estevez and Kulla 2018, eq. 3), P the sum of the largest radiant intensities
 //!             (with power, narrow spots would come off too low), 0 only where nothing arrives: theta' beyond the emission, or all below
@@ -12,15 +13,17 @@
 //!             importance, surface area orientation heuristic (eq. 1); Pharr et al., PBR 4 section 12.6.3, for clamped cosines
 //! At infinity parallel light and the environment (one unit, all of it together) are entries beside the root, by their irradiance
 //! Bias        none
-//! Not handled visibility; splitting (callers draw several lights with stratified numbers); single-precision ties
+//! Not handled visibility; single-precision ties
 //! Verified by `tests`: pmf sums to 1, chi-square, what is left out sends nothing, brute-force importance
 
 mod bounds;
+mod cut;
 mod node;
 #[cfg(test)]
 mod tests;
 
 use self::bounds::{Bounds, split};
+pub use self::cut::Cut;
 use self::node::{Child, Node, WIDTH};
 use crate::math::sampler::{hash, refine, unit_f32};
 use crate::math::{Vec2, Vec3};
@@ -141,66 +144,25 @@ impl LightTree {
         index
     }
 
-    /// Probability of the tree, and the sum of importances at infinity.
-    fn tree_share(&self, at: &LitPoint) -> (f32, f32) {
-        let infinite: f32 = self.infinite.iter().map(|(_, i)| i.importance(at)).sum();
-        let share = match self.nodes.first() {
-            None => 0.0,
-            Some(_) if self.infinite.is_empty() => 1.0,
-            Some(root) => match (root.importance(at).1, infinite) {
-                (tree, _) if tree <= 0.0 => 0.0,
-                (_, infinite) if infinite <= 0.0 => 1.0,
-                (tree, infinite) => (tree / (tree + infinite)).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE),
-            },
-        };
-        (share, infinite)
+    /// Probability of the tree against lights at infinity, of these importances.
+    fn share(&self, tree: f32, infinite: f32) -> f32 {
+        match (tree, infinite) {
+            _ if self.nodes.is_empty() => 0.0,
+            _ if self.infinite.is_empty() => 1.0,
+            (tree, _) if tree <= 0.0 => 0.0,
+            (_, infinite) if infinite <= 0.0 => 1.0,
+            (tree, infinite) => (tree / (tree + infinite)).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE),
+        }
+    }
+
+    /// The tree as seen from a point: for several draws there.
+    pub fn cut(&self, at: &LitPoint) -> Cut<'_> {
+        Cut::new(self, *at)
     }
 
     /// Draws a light for `u` in [0, 1): it and its probability. `None` if none can contribute, as far as bounds tell.
     pub fn sample(&self, at: &LitPoint, u: f64) -> Option<(Unit, f32)> {
-        if let [unit] = self.units[..] {
-            return Some((unit, 1.0));
-        }
-        let (share, infinite) = self.tree_share(at);
-        if u >= f64::from(share) {
-            let mut rest = (u - f64::from(share)) / (1.0 - f64::from(share)) * f64::from(infinite);
-            let mut chosen = None;
-            for (unit, i) in &self.infinite {
-                let importance = i.importance(at);
-                if importance > 0.0 {
-                    chosen = Some((*unit, (1.0 - share) * (importance / infinite)));
-                    rest -= f64::from(importance);
-                    if rest < 0.0 {
-                        break;
-                    }
-                }
-            }
-            return chosen;
-        }
-        let (mut node, mut pmf) = (&self.nodes[0], share);
-        let mut u = u / f64::from(share);
-        loop {
-            let (importance, sum) = node.importance(at);
-            let mut rest = u * f64::from(sum);
-            let mut chosen = None;
-            for (lane, &i) in importance.iter().enumerate() {
-                if i > 0.0 {
-                    chosen = Some((lane, i, rest));
-                    if rest < f64::from(i) {
-                        break;
-                    }
-                    rest -= f64::from(i);
-                }
-            }
-            let (lane, i, rest) = chosen?;
-            pmf *= i / sum;
-            u = (rest / f64::from(i)).min(1.0 - f64::EPSILON);
-            match node.children[lane] {
-                Child::Emitter(e) => return Some((Unit::Emitter(e), pmf)),
-                Child::Node(next) => node = &self.nodes[next as usize],
-                Child::Nothing => return None,
-            }
-        }
+        self.cut(at).sample(u)
     }
 
     /// A direction towards a light of the scene: `u_light` draws the light, `u` the direction. Weight and density include the
@@ -233,25 +195,6 @@ impl LightTree {
 
     /// Probability with which [`Self::sample`] draws the light.
     pub fn pmf(&self, at: &LitPoint, unit: Unit) -> f32 {
-        if self.units[..] == [unit] {
-            return 1.0;
-        }
-        let (share, infinite) = self.tree_share(at);
-        let leaf = match unit {
-            Unit::Emitter(i) => self.leaf[i as usize],
-            Unit::Environment => None,
-        };
-        if leaf.is_none() {
-            let of = self.infinite.iter().find(|(other, _)| *other == unit).map_or(0.0, |(_, i)| i.importance(at));
-            return if of > 0.0 { (1.0 - share) * (of / infinite) } else { 0.0 };
-        }
-        let (mut place, mut pmf) = (leaf, share);
-        while let Some((node, lane)) = place.filter(|_| pmf > 0.0) {
-            let node = &self.nodes[node as usize];
-            let (importance, sum) = node.importance(at);
-            pmf *= if sum > 0.0 { importance[lane as usize] / sum } else { 0.0 };
-            place = node.parent;
-        }
-        pmf
+        self.cut(at).pmf(unit)
     }
 }

@@ -20,6 +20,7 @@
 use super::World;
 use super::cache_file::stored;
 use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
+use super::light_tree::LitPoint;
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3, luminance, warp};
@@ -404,8 +405,8 @@ pub fn direct_irradiance(
 }
 
 fn direct_sample(world: &World, place: &Facet, [ux, uy, u_light, _]: [f32; 4], counts: &mut RayCounts) -> Rgb {
-    let scene = world.scene;
-    let sample = scene.lights.sample(&scene.shapes, scene.textures(), place.p, u_light, Vec2::new(ux, uy));
+    let at = LitPoint { p: place.p, n: Some(place.n_shade) };
+    let sample = world.sample_light(&at, u_light, Vec2::new(ux, uy));
     let Some(LightSample { wi, distance, weight, .. }) = sample else { return Rgb::ZERO };
     let cos = wi.dot(place.n_shade);
     if cos <= 0.0 {

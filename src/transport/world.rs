@@ -1,9 +1,10 @@
 //! A scene with its acceleration structure: the questions that every random walk asks.
 
+use super::light_tree::{LightTree, LitPoint};
 use crate::accel::{Accel, Hit, Ray};
-use crate::math::Vec3;
+use crate::math::{Vec2, Vec3};
 use crate::scene::shape::ShapeHit;
-use crate::scene::{Bsdf, Scene, SurfacePoint};
+use crate::scene::{Bsdf, LightSample, Scene, SurfacePoint};
 
 /// Shadow rays stop this much short of the lamp, relative to the distance, so that the lamp does not shadow itself.
 const SHADOW_SHORTENING: f32 = 1e-4;
@@ -17,6 +18,8 @@ pub struct World<'a> {
     pub scene: &'a Scene,
     /// Ray queries over it.
     pub accel: &'a Accel,
+    /// The tree over its lights; without one, lights are drawn by power.
+    pub lights: Option<&'a LightTree>,
     any_passes_light: bool,
 }
 
@@ -32,7 +35,37 @@ pub struct Through {
 impl<'a> World<'a> {
     /// A scene and the structure that was built over its shapes.
     pub fn new(scene: &'a Scene, accel: &'a Accel) -> Self {
-        World { scene, accel, any_passes_light: scene.passes_light.iter().any(|&p| p) }
+        World { scene, accel, lights: None, any_passes_light: scene.passes_light.iter().any(|&p| p) }
+    }
+
+    /// The same with a tree over the scene's lights.
+    pub fn with_lights(self, lights: &'a LightTree) -> Self {
+        World { lights: Some(lights), ..self }
+    }
+
+    /// A direction towards a light, weight and density with the probability of the light: by the tree if there is one, else by
+    /// power. `None` counts as a sample of value 0.
+    pub fn sample_light(&self, at: &LitPoint, u_light: f32, u: Vec2) -> Option<LightSample> {
+        match self.lights {
+            Some(tree) => tree.sample_light(self.scene, at, u_light, u),
+            None => self.scene.lights.sample(&self.scene.shapes, self.scene.textures(), at.p, u_light, u),
+        }
+    }
+
+    /// Density per solid angle with which [`Self::sample_light`] draws the point `lamp` of a lamp.
+    pub fn light_pdf_dir_surface(&self, at: &LitPoint, lamp: &SurfacePoint) -> f32 {
+        match self.lights {
+            Some(tree) => tree.pdf_dir_surface(self.scene, at, lamp),
+            None => self.scene.lights.pdf_dir_surface(&self.scene.shapes, at.p, lamp),
+        }
+    }
+
+    /// Density per solid angle with which [`Self::sample_light`] draws the unit direction `w` into the environment.
+    pub fn light_pdf_dir_environment(&self, at: &LitPoint, w: Vec3) -> f32 {
+        match self.lights {
+            Some(tree) => tree.pdf_dir_environment(self.scene, at, w),
+            None => self.scene.lights.pdf_dir_environment(w),
+        }
     }
 
     /// The surface point of a hit.

@@ -16,6 +16,7 @@ use crate::report::comparison::{Map, Run};
 use crate::report::curve::Point;
 use crate::scene::Scene;
 use crate::transport::World;
+use crate::transport::light_tree::LightTree;
 use cpu_time::ProcessTime;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -206,7 +207,8 @@ fn execute(
     // Integrators have random numbers of their own: photons, caches.
     let mut args = config.args.clone();
     args.seed = Some(seed);
-    let mut integrator = session::integrator(&args, World::new(&world.scene, &world.accel));
+    let lights = LightTree::new(&world.scene);
+    let mut integrator = session::integrator(&args, World::new(&world.scene, &world.accel).with_lights(&lights));
     let own = config.passes();
     let settings = RenderSettings {
         window: world.scene.film.crop,

@@ -33,6 +33,9 @@ pub(super) const FEW: u32 = 4;
 const DIM: f32 = 0.02;
 /// Solid angle below which a lamp counts as tiny.
 const TINY: f32 = 1e-5;
+/// The same for lamps that were drawn from many: there the choice makes the noise, and a verdict on so small a lamp hardly says
+/// more than a shadow ray.
+const SMALL: f32 = 1e-2;
 /// Probability with which a verdict is checked.
 const CHECKED: f32 = 1.0 / 16.0;
 /// Spread of a highlight over a lamp, relative to its mean, above which it is sampled in full.
@@ -69,13 +72,13 @@ impl Direct<'_> {
         let mut sum = Rgb::ZERO;
         for chosen in chosen {
             let Unit::Emitter(emitter) = chosen.unit else {
-                sum += self.sampled(point, chosen.unit, few, rng, counts) * chosen.factor;
+                sum += self.sampled(point, chosen, few, rng, counts) * chosen.factor;
                 continue;
             };
             let block = rng.next_block(m);
             let Some(view) = scene.lights.view(&scene.shapes, scene.textures(), emitter, point.at.p) else { continue };
             if view.is_delta() {
-                let nominal = self.nominal_of(point, chosen.unit);
+                let nominal = self.nominal_of(point, &chosen);
                 sum += self.sampled_view(point, &view, nominal, 1, |_| Vec2::ZERO, counts) * chosen.factor;
                 continue;
             }
@@ -127,11 +130,12 @@ impl Direct<'_> {
         counts: &mut DirectCounts,
     ) -> Rgb {
         let (m, few) = (self.settings.samples, self.settings.samples.min(FEW));
-        let nominal = self.nominal_of(point, lamp.chosen.unit);
+        let nominal = self.nominal_of(point, &lamp.chosen);
         let sampled = |n: u32, counts: &mut DirectCounts| {
             self.sampled_view(point, &lamp.view, nominal, n, |k| lamp.block.point_2d(k), counts)
         };
-        if lamp.estimate < DIM * total || lamp.view.solid_angle() < TINY {
+        let tiny = if self.takes_all(point.vantage.stage) { TINY } else { SMALL };
+        if lamp.estimate < DIM * total || lamp.view.solid_angle() < tiny {
             return sampled(1, counts);
         }
         let known = self.verdict(point, lamp.emitter, counts);

@@ -7,39 +7,39 @@
 //! Source      Shirley, Wang and Zimmerman 1996 for area lights; Veach 1997 for the combination
 //! Bias        none
 
-use super::{Direct, DirectCounts, Point, Unit};
+use super::{Chosen, Direct, DirectCounts, Point, Unit};
 use crate::math::{Rgb, Sampler};
 use crate::scene::light::EmitterView;
 use crate::scene::{Bsdf, LightSample, Transport};
 use crate::transport::power_heuristic;
 
 impl Direct<'_> {
-    /// The light `unit` by `m` samples.
+    /// A chosen light by `m` samples.
     pub(super) fn sampled(
         &self,
         point: &Point,
-        unit: Unit,
+        chosen: Chosen,
         m: u32,
         rng: &mut Sampler,
         counts: &mut DirectCounts,
     ) -> Rgb {
-        match unit {
-            Unit::Environment => self.environment(point, m, rng, counts),
+        match chosen.unit {
+            Unit::Environment => self.environment(point, &chosen, m, rng, counts),
             Unit::Emitter(e) => {
                 let scene = self.world.scene;
                 let view = scene.lights.view(&scene.shapes, scene.textures(), e, point.at.p);
                 let block = rng.next_block(m);
                 let Some(view) = view else { return Rgb::ZERO };
                 let m = if view.is_delta() { 1 } else { m };
-                let nominal = self.nominal_of(point, unit);
+                let nominal = self.nominal_of(point, &chosen);
                 self.sampled_view(point, &view, nominal, m, |k| block.point_2d(k), counts)
             }
         }
     }
 
     /// The nominal number of samples of a light, where the weights of the rest need it.
-    pub(super) fn nominal_of(&self, point: &Point, unit: Unit) -> f32 {
-        if point.rest.is_some() { self.nominal(&point.vantage, unit) } else { 0.0 }
+    pub(super) fn nominal_of(&self, point: &Point, chosen: &Chosen) -> f32 {
+        if point.rest.is_some() { self.nominal(point.vantage.stage, chosen.drawn) } else { 0.0 }
     }
 
     /// An emitter by the samples for `u(0..m)`.
@@ -72,14 +72,14 @@ impl Direct<'_> {
     }
 
     /// The environment by `m` samples of each kind.
-    fn environment(&self, point: &Point, m: u32, rng: &mut Sampler, counts: &mut DirectCounts) -> Rgb {
+    fn environment(&self, point: &Point, chosen: &Chosen, m: u32, rng: &mut Sampler, counts: &mut DirectCounts) -> Rgb {
         let scene = self.world.scene;
         let (by_light, by_cosine) = (rng.next_block(m), rng.next_block(m));
         let lit = point.diffuse.filter(|_| self.settings.diffuse_environment);
         if lit.is_none() && point.rest.is_none() {
             return Rgb::ZERO;
         }
-        let nominal = self.nominal_of(point, Unit::Environment);
+        let nominal = self.nominal_of(point, chosen);
         let mut sum = Rgb::ZERO;
         for k in 0..m {
             let [x, y, u_light, _] = by_light.point(k);

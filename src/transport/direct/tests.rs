@@ -310,7 +310,8 @@ fn weights_of_a_direction_add_up_to_one() {
                         continue;
                     }
                     let point = Point { at: &at, diffuse: None, rest: Some(&rest), wo, vantage };
-                    let by_light = point.rest_reflected(&s, direct.nominal(&vantage, Unit::Emitter(e))) / f;
+                    let drawn = direct.expected_draws(&vantage, Unit::Emitter(e));
+                    let by_light = point.rest_reflected(&s, direct.nominal(vantage.stage, drawn)) / f;
                     let by_scatter = direct.weight_of_scattered(&vantage, pdf, Found::Lamp(&lamp));
                     assert!((by_light.x + by_scatter - 1.0).abs() < 1e-4, "{by_light} {by_scatter}");
                     tried += 1;

@@ -10,6 +10,8 @@ use crate::math::Vec3;
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
+/// Distance, in radii of its bounding sphere, below which the importance of a node says little.
+const NEAR: f32 = 1.0;
 type Lanes = [f32; WIDTH];
 
 /// What a child is.
@@ -77,13 +79,21 @@ impl Node {
     /// Importance of each child at a point, and their sum.
     #[inline]
     pub fn importance(&self, at: &LitPoint) -> (Lanes, f32) {
+        let (out, _) = self.importance_and_nearness(at);
+        (out, out.iter().sum())
+    }
+
+    /// Importance of each child at a point, and whether the point is within [`NEAR`] times its bounding sphere.
+    #[inline]
+    pub fn importance_and_nearness(&self, at: &LitPoint) -> (Lanes, [bool; WIDTH]) {
         let (n, one_sided) = at.n.map_or((Vec3::ZERO, false), |n| (n, true));
-        let mut out = [0.0; WIDTH];
-        for (k, out) in out.iter_mut().enumerate() {
+        let (mut out, mut near) = ([0.0; WIDTH], [false; WIDTH]);
+        for (k, (out, near)) in out.iter_mut().zip(&mut near).enumerate() {
             let x = self.centre[0][k] - at.p.x;
             let y = self.centre[1][k] - at.p.y;
             let z = self.centre[2][k] - at.p.z;
             let true_d2 = x * x + y * y + z * z;
+            *near = true_d2 < NEAR * NEAR * self.radius2[k];
             let d2 = larger(larger(true_d2, self.radius2[k]), f32::MIN_POSITIVE);
             let inverse = 1.0 / d2.sqrt();
             // Angle under which the bounding sphere is seen, a little larger against rounding; inside of it every angle.
@@ -110,7 +120,7 @@ impl Node {
             let lit = (cos > self.cos_emission[k]) & (!one_sided | (reach > -rounding));
             *out = if lit { importance * tilt } else { 0.0 };
         }
-        (out, out.iter().sum())
+        (out, near)
     }
 }
 

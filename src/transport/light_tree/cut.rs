@@ -1,0 +1,164 @@
+//! The tree as one point sees it: what is near is opened before anything is drawn.
+//!
+//! The importance of a node whose bounding sphere holds the point, or nearly so, says little: its lights may be anywhere around. Such
+//! nodes are replaced by their children, from the root down, until all that is left is a light or far enough away; a draw takes one of
+//! these *entries* in proportion to importance, and descends from it. So a lamp next to the point is drawn as often as it deserves,
+//! and several draws at a point share the upper part of the tree.
+//! Source      after Conty Estevez and Kulla 2018, section 5 (adaptive tree splitting), where nodes that are opened get a sample of their
+//!             own; here they only sharpen the probabilities, and the number of samples is the caller's
+//! Bias        none: the probabilities are a function of the point alone
+//! Verified by `tests`: with those of the tree
+
+use super::node::{Child, WIDTH};
+use super::{LightTree, LitPoint, Unit};
+use arrayvec::ArrayVec;
+
+/// Nodes that are opened at most: bounds what a point costs in any tree.
+const MOST_OPENED: usize = 24;
+
+/// A light, or a node that is drawn as a whole.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    child: Child,
+    importance: f32,
+}
+
+/// The tree as seen from a point.
+#[derive(Debug)]
+pub struct Cut<'t> {
+    tree: &'t LightTree,
+    at: LitPoint,
+    entries: ArrayVec<Entry, { MOST_OPENED * WIDTH }>,
+    /// Indices of the nodes that are opened.
+    opened: ArrayVec<u32, MOST_OPENED>,
+    /// Sum over the entries.
+    sum: f32,
+    /// Sum of the importances at infinity.
+    infinite: f32,
+    /// Probability of an entry against lights at infinity.
+    share: f32,
+}
+
+impl<'t> Cut<'t> {
+    pub(super) fn new(tree: &'t LightTree, at: LitPoint) -> Self {
+        let mut cut = Cut {
+            tree,
+            at,
+            entries: ArrayVec::new(),
+            opened: ArrayVec::new(),
+            sum: 0.0,
+            infinite: tree.infinite.iter().map(|(_, i)| i.importance(&at)).sum(),
+            share: 0.0,
+        };
+        if tree.units.len() > 1 && !tree.nodes.is_empty() {
+            cut.open();
+        }
+        cut.share = tree.share(cut.sum, cut.infinite);
+        cut
+    }
+
+    /// Opens nodes level by level, so that those left closed for want of room are the deepest.
+    fn open(&mut self) {
+        self.opened.push(0);
+        let mut next = 0;
+        while let Some(&index) = self.opened.get(next) {
+            next += 1;
+            let node = &self.tree.nodes[index as usize];
+            let (importance, near) = node.importance_and_nearness(&self.at);
+            for (lane, &importance) in importance.iter().enumerate().filter(|(_, i)| **i > 0.0) {
+                match node.children[lane] {
+                    Child::Node(inner) if near[lane] && self.opened.len() < MOST_OPENED => self.opened.push(inner),
+                    child => {
+                        self.sum += importance;
+                        self.entries.push(Entry { child, importance });
+                    }
+                }
+            }
+        }
+    }
+
+    /// Draws a light for `u` in [0, 1): it and its probability. `None` if none can contribute, as far as bounds tell.
+    pub fn sample(&self, u: f64) -> Option<(Unit, f32)> {
+        if let [unit] = self.tree.units[..] {
+            return Some((unit, 1.0));
+        }
+        let share = f64::from(self.share);
+        if u >= share {
+            let mut rest = (u - share) / (1.0 - share) * f64::from(self.infinite);
+            let mut chosen = None;
+            for (unit, i) in &self.tree.infinite {
+                let importance = i.importance(&self.at);
+                if importance > 0.0 {
+                    chosen = Some((*unit, (1.0 - self.share) * (importance / self.infinite)));
+                    rest -= f64::from(importance);
+                    if rest < 0.0 {
+                        break;
+                    }
+                }
+            }
+            return chosen;
+        }
+        let listed = self.entries.iter().map(|e| e.importance);
+        let (k, importance, mut u) = pick(listed, u / share * f64::from(self.sum))?;
+        let mut pmf = self.share * (importance / self.sum);
+        let mut child = self.entries[k].child;
+        loop {
+            let node = match child {
+                Child::Emitter(e) => return Some((Unit::Emitter(e), pmf)),
+                Child::Node(next) => &self.tree.nodes[next as usize],
+                Child::Nothing => return None,
+            };
+            let (importances, sum) = node.importance(&self.at);
+            let (lane, importance, rest) = pick(importances.into_iter(), u * f64::from(sum))?;
+            pmf *= importance / sum;
+            (child, u) = (node.children[lane], rest);
+        }
+    }
+
+    /// Probability with which [`Self::sample`] draws the light.
+    pub fn pmf(&self, unit: Unit) -> f32 {
+        let tree = self.tree;
+        if tree.units[..] == [unit] {
+            return 1.0;
+        }
+        let leaf = match unit {
+            Unit::Emitter(i) => tree.leaf[i as usize],
+            Unit::Environment => None,
+        };
+        let Some(leaf) = leaf else {
+            let of =
+                tree.infinite.iter().find(|(other, _)| *other == unit).map_or(0.0, |(_, i)| i.importance(&self.at));
+            return if of > 0.0 { (1.0 - self.share) * (of / self.infinite) } else { 0.0 };
+        };
+        let (mut place, mut pmf) = (leaf, self.share);
+        loop {
+            let (index, lane) = place;
+            let node = &tree.nodes[index as usize];
+            let (importance, mut sum) = node.importance(&self.at);
+            let opened = self.opened.contains(&index);
+            if opened {
+                sum = self.sum;
+            }
+            pmf *= if sum > 0.0 { importance[lane as usize] / sum } else { 0.0 };
+            match node.parent {
+                Some(above) if !opened && pmf > 0.0 => place = above,
+                _ => return pmf,
+            }
+        }
+    }
+}
+
+/// The item in which the running sum exceeds `target`, its value, and where within it, in [0, 1). Items of 0 are never picked.
+fn pick(values: impl Iterator<Item = f32>, target: f64) -> Option<(usize, f32, f64)> {
+    let mut rest = target;
+    let mut chosen = None;
+    for (k, value) in values.enumerate().filter(|(_, v)| *v > 0.0) {
+        let v = f64::from(value);
+        chosen = Some((k, value, (rest / v).min(1.0 - f64::EPSILON)));
+        if rest < v {
+            break;
+        }
+        rest -= v;
+    }
+    chosen
+}
