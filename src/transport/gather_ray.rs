@@ -83,6 +83,21 @@ pub struct RayCounts {
     pub shadow_rays: u64,
 }
 
+impl RayCounts {
+    /// All rays.
+    pub fn total(&self) -> u64 {
+        self.rays + self.shadow_rays
+    }
+}
+
+impl std::ops::Add for RayCounts {
+    type Output = Self;
+    fn add(mut self, o: Self) -> Self {
+        self += o;
+        self
+    }
+}
+
 stored!(RayCounts { rays, shadow_rays });
 stored!(SurfacePoint { p, p_error, n_geo, n_shade, uv, dp_du, dp_dv, shape, prim });
 

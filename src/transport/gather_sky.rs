@@ -4,13 +4,12 @@
 //! what the walls send on. Windows are small, so rays beyond the gather rays are sent where those have found the sky:
 //!
 //! ```text
-//! q_i    = FLOOR / M + (1 - FLOOR) h_i / sum h       h_i = gather rays among cell i and its neighbours that left the scene
-//! L_i    = mean of L V over n_i jittered directions of cell i            if n q_i >= 1;   n_i = floor or ceil of n q_i by chance
-//!        = L V / (n q_i) with probability n q_i, else 0                  if n q_i < 1
+//! L_i = mean of L V over n_i jittered directions of cell i,   n_i = 1 + round(n h_i / sum h)
+//!       h_i = gather rays among cell i and its neighbours that left the scene
 //! ```
 //!
-//! The gather rays themselves are not counted: they decided where the others go, and counting them would bias the sum. Every cell keeps a
-//! chance, so that its mean is right however small the window is that the gather rays have missed.
+//! The gather rays themselves are not counted: they decided where the others go, and counting them would bias the sum. Every cell has a
+//! ray, so that its mean is right however small the window is that the gather rays have missed.
 //! Source      adaptive stratification as in METHODS 3.B ("pilot reuse")
 //! Bias        none
 //! Not handled sky seen by reflection or through glass: it belongs to the caustic map
@@ -22,11 +21,9 @@ use super::gather_ray::RayCounts;
 use super::gather_strata::Strata;
 use super::surfels::Facet;
 use crate::accel::Ray;
-use crate::math::sampler::{hash, unit_f32};
+use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler};
 
-/// Share of the rays that goes evenly to all cells.
-const FLOOR: f32 = 0.25;
 /// Greatest contrast of a sky that counts as soft.
 const SOFT: f32 = 16.0;
 /// Stream of random numbers.
@@ -38,7 +35,7 @@ pub fn is_gathered(world: &World) -> bool {
     contrast > 0.0 && contrast <= SOFT
 }
 
-/// Mean radiance of the sky in each cell of a record, by `rays` rays. `hits` are those of its gather rays, `key` is its own.
+/// Mean radiance of the sky in each cell of a record, by one ray each and about `rays` more. `hits` are those of its gather rays, `key` is its own.
 pub fn sky(
     world: &World,
     strata: &Strata,
@@ -51,18 +48,14 @@ pub fn sky(
     let n = strata.len();
     let near = neighbourhoods(strata, hits);
     let total: f32 = near.iter().sum();
-    let guided = if total > 0.0 { 1.0 - FLOOR } else { 0.0 };
     let at = place.surface_point();
     let scene = world.scene;
     (0..n)
         .map(|i| {
-            let share = FLOOR / n as f32 + if total > 0.0 { guided * near[i] / total } else { 0.0 };
-            let wanted = rays as f32 * share;
-            let chance = unit_f32(hash(hash(key, SKY), i as u64));
-            let count = wanted.floor() as u32 + u32::from(chance < wanted.fract());
+            let count = 1 + if total > 0.0 { (rays as f32 * near[i] / total).round() as u32 } else { 0 };
             let mut sum = Rgb::ZERO;
             for k in 0..count {
-                let mut rng = Sampler::new(hash(key, SKY + 1), i as u64, u64::from(k));
+                let mut rng = Sampler::new(hash(key, SKY), i as u64, u64::from(k));
                 let d = frame.to_world(strata.direction(i, rng.next_2d()));
                 let radiance = scene.lights.environment(scene.textures(), d);
                 if radiance == Rgb::ZERO || d.dot(place.n_geo) <= 0.0 {
@@ -72,7 +65,7 @@ pub fn sky(
                 let ray = Ray::leaving(&at, d);
                 sum += radiance * world.transmittance(ray, false).share;
             }
-            if wanted >= 1.0 { sum / count as f32 } else { sum / wanted }
+            sum / count as f32
         })
         .collect()
 }

@@ -85,7 +85,7 @@ impl Default for CacheSettings {
             gather_rays: 256,
             min_radius_pixels: 2.0,
             max_radius: 0.1,
-            surfel_cell: 0.03,
+            surfel_cell: 0.06,
             surfel_rays: 16,
             light_samples: 8,
             seed: 0,

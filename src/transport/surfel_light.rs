@@ -11,8 +11,9 @@
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
 //! Solved by sweeps in the order of the surfels (Gauss-Seidel), which converge at least like albedo^k, to
 //! 1e-4 of the mean.
-//! Rays of surfels found the next ones, in the largest cells and once: ends of *their* rays for which there is no surfel take one in the
-//! neighbourhood, and where there is none the rest of the row stands for the lost rays.
+//! Rays of surfels found the next ones, in the largest cells; ends of *their* rays for which there is no surfel take one in a wider
+//! neighbourhood, and where there is none that sees the place found one as well, and so on: light finds its way through any number of
+//! rooms. When there are too many, the rest of the row stands for the lost rays.
 //! Source      METHODS: direct-to-indirect transfer over clustered hits; cf. Hasan, Pellacini, Bala 2006
 //! Bias        that of the clusters (`surfels.rs`) and of the neighbours of third order; none from the number of samples
 //! Verified by tests/irradiance_cache.rs: furnaces (E = pi L / (1 - rho) to 1e-3), against path tracing, relighting
@@ -36,9 +37,16 @@ const MAX_SWEEPS: u32 = 300;
 /// Aim for the relative variance of a surfel's direct light: a record averages some hundred surfels.
 const DIRECT_VARIANCE: f32 = 0.05;
 /// Most light samples over the least number.
-const MAX_MORE_SAMPLES: f32 = 4.0;
+const MAX_MORE_SAMPLES: f32 = 16.0;
 /// Places within its cell at which a surfel's direct light is sampled, in turn.
 const SPREAD: u32 = 4;
+/// Places within a cell.
+type Spread = ArrayVec<Facet, { SPREAD as usize }>;
+
+/// Surfels that later generations may add, beside as many as the first have.
+const FURTHER: usize = 4096;
+/// Generations of surfels, each found by rays of the one before.
+const MOST_GENERATIONS: u32 = 32;
 /// Surfels from which that is found out.
 const PILOT: usize = 2048;
 /// Surfels that one task works on.
@@ -177,12 +185,20 @@ impl SurfelLight {
             let gatherer = if large { k as u32 } else { self.surfels.find_or_insert(world, &at, f32::INFINITY) };
             self.gatherer.push(gatherer);
         }
-        for generation in 0..2 {
+        let mut most = None;
+        for generation in 0..MOST_GENERATIONS {
             self.surfels.coarsen();
             let start = self.row_ends.len();
+            if start == self.surfels.len() {
+                break;
+            }
             self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
-            self.gather(world, start, with_rows, generation == 1);
+            // From the second generation on: wider neighbourhoods, and not much more than there is.
+            let most = if generation == 0 { None } else { Some(*most.get_or_insert(2 * self.surfels.len() + FURTHER)) };
+            self.gather(world, start, with_rows, most);
         }
+        self.row_ends.resize(self.surfels.len(), self.entries.len() as u32);
+        self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
         let zeros = vec![Rgb::ZERO; self.surfels.len() - first];
         for values in [&mut self.own, &mut self.indirect, &mut self.scattered, &mut self.total] {
             values.extend_from_slice(&zeros);
@@ -207,7 +223,7 @@ impl SurfelLight {
     }
 
     /// Traces the rows of the surfels from `start` on.
-    fn gather(&mut self, world: &World, start: usize, with_rows: bool, last: bool) {
+    fn gather(&mut self, world: &World, start: usize, with_rows: bool, most: Option<usize>) {
         let n = if with_rows { self.settings.gather_rays } else { 0 };
         let indices: Vec<usize> = (start..self.surfels.len()).collect();
         let (surfels, seed) = (&self.surfels, self.settings.seed);
@@ -249,8 +265,10 @@ impl SurfelLight {
                 let (begin, mut lost) = (self.entries.len(), 0);
                 for f in row.iter().flatten() {
                     let surfel = match f.surfel {
-                        None if last => self.surfels.find_coarse(world, &f.at),
-                        None => Some(self.surfels.find_or_insert(world, &f.at, f32::INFINITY)),
+                        None => match most {
+                            Some(most) => self.surfels.find_or_insert_coarse(world, &f.at, most),
+                            None => Some(self.surfels.find_or_insert(world, &f.at, f32::INFINITY)),
+                        },
                         known => known,
                     };
                     match surfel {
@@ -286,8 +304,9 @@ impl SurfelLight {
                     HitLight::Operator { caustic } | HitLight::OneBounce { caustic } => {
                         let stream = (start + i) as u64;
                         let key = hash(settings.seed, DIRECT);
-                        let caustic = caustic(place.p, place.n_shade);
-                        caustic + self.surfels.direct(world, start + i, samples, key, stream, &mut counts)
+                        let places = self.surfels.places_of(world, start + i, samples, key, stream, &mut counts);
+                        let by_caustics: Rgb = places.iter().map(|at| caustic(at.p, at.n_shade)).sum();
+                        by_caustics / places.len() as f32 + direct(world, &places, samples, key, stream, &mut counts)
                     }
                 };
                 (if own.is_finite() { own } else { Rgb::ZERO }, counts)
@@ -357,7 +376,8 @@ fn samples_needed(world: &World, surfels: &Surfels, settings: SurfelSettings) ->
             let mut counts = RayCounts::default();
             [PILOT_A, PILOT_B].map(|stream| {
                 let key = hash(settings.seed, stream);
-                luminance(surfels.direct(world, i, least, key, i as u64, &mut counts))
+                let places = surfels.places_of(world, i, least, key, i as u64, &mut counts);
+                luminance(direct(world, &places, least, key, i as u64, &mut counts))
             })
         })
         .collect();
@@ -374,21 +394,32 @@ fn samples_needed(world: &World, surfels: &Surfels, settings: SurfelSettings) ->
 }
 
 impl Surfels {
-    /// Irradiance directly from all lights, averaged over the cell of surfel `k`.
-    fn direct(&self, world: &World, k: usize, samples: u32, seed: u64, stream: u64, counts: &mut RayCounts) -> Rgb {
-        let places: ArrayVec<Facet, { SPREAD as usize }> = (0..samples.min(SPREAD))
-            .map(|i| {
-                counts.shadow_rays += 1;
-                let mut rng = Sampler::new(hash(seed, WITHIN), stream, u64::from(i));
-                self.spread(world, k, rng.next_2d())
-            })
-            .collect();
-        let sample = |s: u32| {
-            let place = &places[(s % SPREAD) as usize];
-            direct_sample(world, place, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts)
+    /// Places in the cell of surfel `k`, one for each of `samples` but no more than [`SPREAD`], at least one.
+    fn places_of(
+        &self,
+        world: &World,
+        k: usize,
+        samples: u32,
+        seed: u64,
+        stream: u64,
+        counts: &mut RayCounts,
+    ) -> Spread {
+        let place = |i: u32| {
+            counts.shadow_rays += 1;
+            let mut rng = Sampler::new(hash(seed, WITHIN), stream, u64::from(i));
+            self.spread(world, k, rng.next_2d())
         };
-        (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
+        (0..samples.clamp(1, SPREAD)).map(place).collect()
     }
+}
+
+/// Irradiance directly from all lights, the mean over `places`.
+fn direct(world: &World, places: &Spread, samples: u32, seed: u64, stream: u64, counts: &mut RayCounts) -> Rgb {
+    let sample = |s: u32| {
+        let place = &places[s as usize % places.len()];
+        direct_sample(world, place, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts)
+    };
+    (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
 }
 
 /// Irradiance directly from all lights, by `samples` light samples.

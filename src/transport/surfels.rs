@@ -270,12 +270,19 @@ impl Surfels {
         }
     }
 
-    /// Some surfel in the neighbourhood that faces the same way, for light of so high an order that it hardly varies.
-    pub fn find_coarse(&self, world: &World, at: &Facet) -> Option<u32> {
-        let k = *self.coarse.get(&Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo))?;
-        let s = &self.places[k as usize];
-        let seen = s.n_geo.dot(at.n_geo) > 0.5 && Self::unobstructed(world, at, s.p, LIFT * self.cell);
-        seen.then_some(k)
+    /// Some surfel in the neighbourhood that faces the same way, for light of so high an order that it hardly varies; a new one where
+    /// there is none, or none that sees the place. `None` if that would make more than `most` surfels.
+    pub fn find_or_insert_coarse(&mut self, world: &World, at: &Facet, most: usize) -> Option<u32> {
+        if let Some(&k) = self.coarse.get(&Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)) {
+            let s = &self.places[k as usize];
+            if s.n_geo.dot(at.n_geo) > 0.5 && Self::unobstructed(world, at, s.p, LIFT * self.cell) {
+                return Some(k);
+            }
+        }
+        if self.len() < most {
+            return Some(self.find_or_insert(world, at, f32::INFINITY));
+        }
+        self.find(world, at, f32::INFINITY)
     }
 }
 

@@ -3,7 +3,8 @@
 //! Estimates   the same integral as [`super::path`], split by what is known where (`eye` has the table): direct light with the
 //!             detector's verdicts, caustics from photons with kernels of their own footprints, diffuse interreflection from a
 //!             cache of gather rays
-//! Passes      each pass has photons of its own and smaller kernels; the cache is refined before passes 2, 4, 8, ...
+//! Passes      each pass has photons of its own and smaller kernels; a new and finer cache is made whenever samples have cost as much as the
+//!             last one
 //! Source      Namae & Makino (photons, light samples, pixels where derivatives predict edges); Jensen 2001 (the split into
 //!             direct, caustic and indirect light); Yue, Onoue & Nishita (stored gather rays); Knaus & Zwicker 2011 (passes)
 //! Bias        kernels and interpolated irradiance: both shrink with the passes. With a limit of depth, bounces behind mirrors and
@@ -25,16 +26,20 @@ use self::eye::Eye;
 use self::global::Global;
 use super::{Counts, Integrator};
 use crate::image::film::{Features, Film};
+use crate::math::sampler::hash;
 use crate::math::{Rgb, Sampler, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::transport::antialias::{AntialiasSettings, samples_per_pixel};
 use crate::transport::direct::{Direct, DirectSettings};
+use crate::transport::gather_ray::RayCounts;
 use crate::transport::gather_sky;
 use crate::transport::photon_map::GlobalMap;
 use crate::transport::{CacheSettings, CausticMap, HitLight, IrradianceCache, World};
 
 /// Pixels for each record that a pass may add.
 const PIXELS_PER_RECORD: usize = 24;
+/// What a camera sample costs, in rays of the cache.
+const RAYS_PER_SAMPLE: f64 = 3.0;
 /// Records made before time is looked at again.
 const PORTION: usize = 512;
 /// Records that the first pass may add however few pixels there are.
@@ -55,6 +60,12 @@ pub struct Photon<'a> {
     /// Photons of this pass in place of the cache.
     global_map: Option<GlobalMap>,
     cache: Option<IrradianceCache<'a>>,
+    /// Caches made so far.
+    caches: u32,
+    /// Rays of all caches before this one.
+    cache_rays: RayCounts,
+    /// Samples taken since this one was made.
+    samples_since: f64,
     /// Whether the cache holds the light of the environment too.
     sky: bool,
     /// Samples per pass of each pixel of the window; none: one.
@@ -66,8 +77,7 @@ impl<'a> Photon<'a> {
     pub fn new(world: World<'a>, settings: PhotonSettings, window: [u32; 4]) -> Self {
         let bounces = settings.path.max_depth.is_none_or(|d| d > 2);
         let cached = settings.indirect == Indirect::Cache && settings.parts.indirect && bounces;
-        let cache = cached
-            .then(|| IrradianceCache::new(world, CacheSettings { seed: settings.seed, ..CacheSettings::default() }));
+        let cache = cached.then(|| IrradianceCache::new(world, CacheSettings::default()));
         let sky = cached && gather_sky::is_gathered(&world);
         let by_photons = settings.indirect == Indirect::Photons && settings.parts.indirect && bounces;
         let global = by_photons.then(|| Global::new(world, &settings)).flatten();
@@ -85,29 +95,52 @@ impl<'a> Photon<'a> {
             global,
             global_map,
             cache,
+            caches: 0,
+            cache_rays: RayCounts::default(),
+            samples_since: 0.0,
             sky,
             samples: Vec::new(),
         }
     }
 
-    /// Records for what the eye sees: coarse to fine, with a smaller bound of the error as passes go on.
-    fn fill_cache(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
-        let Some(cache) = &mut self.cache else { return };
-        if pass == 1 || (pass > 0 && !pass.is_power_of_two()) {
+    /// Makes a cache, if it is time for a new one: when as many samples have been taken as the last one cost rays. Then the noise of
+    /// caches falls with the passes like that of samples, and so does their bias, since each is finer than the one before.
+    fn renew_cache(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
+        let Some(cache) = &self.cache else { return };
+        let known = cache.statistics();
+        let cost = (known.record_rays + known.surfel_rays).total();
+        if pass > 0 && (self.samples_since * RAYS_PER_SAMPLE < cost as f64 || known.hopeless) {
             return;
         }
-        if pass > 0 {
-            cache.refine(CacheSettings::default().error / (1.0 + pass as f32).sqrt());
+        let finer = 1.0 + self.caches as f32;
+        let usual = CacheSettings::default();
+        let settings = CacheSettings {
+            error: usual.error / finer.sqrt(),
+            surfel_cell: usual.surfel_cell / finer.sqrt(),
+            seed: hash(self.settings.seed, u64::from(self.caches)),
+            ..usual
+        };
+        let mut cache = IrradianceCache::new(self.world, settings);
+        self.fill(&mut cache, over);
+        // Without the time to finish it there will be no further samples.
+        if pass == 0 || !over() {
+            self.cache_rays += known.record_rays + known.surfel_rays;
+            self.cache = Some(cache);
+            self.caches += 1;
+            self.samples_since = 0.0;
         }
+    }
+
+    /// Records for what the eye sees: coarse to fine.
+    fn fill(&self, cache: &mut IrradianceCache, over: &(dyn Fn() -> bool + Sync)) {
         let map = self.map.as_ref();
         let caustic = |p: Vec3, n: Vec3| map.map_or(Rgb::ZERO, |map| map.irradiance(p, n));
         let light = HitLight::Operator { caustic: &caustic };
         let pixels = self.window[2] as usize * self.window[3] as usize;
-        let budget = (pixels / PIXELS_PER_RECORD).max(LEAST_RECORDS);
-        let finest = if pass == 0 { 4 } else { 2 };
+        let most = (pixels / PIXELS_PER_RECORD).max(LEAST_RECORDS) * (1 + self.caches as usize);
+        let finest = if self.caches == 0 { 4 } else { 2 };
         let mut known = None;
         for spacing in [32, 16, 8, 4, 2].into_iter().filter(|&s| s >= finest) {
-            let most = budget * (1 + pass as usize);
             if over() || cache.records().len() >= most || cache.statistics().hopeless {
                 break;
             }
@@ -123,6 +156,17 @@ impl<'a> Photon<'a> {
             known = Some(spacing);
         }
         cache.finish();
+    }
+
+    /// Samples that pass `pass` takes, about.
+    fn samples_of(&self, pass: u64) -> f64 {
+        let early = pass < 2 && self.settings.antialiasing == Antialiasing::Adaptive;
+        let of_pixel = |&wanted: &f32| match pass {
+            0 if early => 1.0,
+            1 if early => f64::from(wanted - 1.0).max(0.0),
+            _ => f64::from(wanted),
+        };
+        self.samples.iter().map(of_pixel).sum()
     }
 }
 
@@ -147,15 +191,16 @@ impl Integrator for Photon<'_> {
         self.emitted += self.caustics.as_ref().map_or(0, Caustics::emitted);
         self.global_map = self.global.as_ref().map(|g| g.map(pass));
         self.emitted += self.global.as_ref().map_or(0, Global::count);
-        self.fill_cache(pass, over);
+        self.renew_cache(pass, over);
+        self.samples_since += self.samples_of(pass);
     }
 
     fn prepared(&self) -> Counts {
         let mut counts = Counts { photons: self.emitted, ..Counts::default() };
         if let Some(cache) = &self.cache {
             let s = cache.statistics();
-            counts.rays = s.record_rays.rays + s.surfel_rays.rays;
-            counts.shadow_rays = s.record_rays.shadow_rays + s.surfel_rays.shadow_rays;
+            let all = self.cache_rays + s.record_rays + s.surfel_rays;
+            (counts.rays, counts.shadow_rays) = (all.rays, all.shadow_rays);
         }
         counts
     }
@@ -208,6 +253,7 @@ impl Integrator for Photon<'_> {
         if let Some(cache) = &self.cache {
             let s = cache.statistics();
             all.extend([
+                ("caches", u64::from(self.caches)),
                 ("cache records", s.records as u64),
                 ("cache surfels", s.surfels as u64),
                 ("cache records of least radius", s.smallest as u64),
