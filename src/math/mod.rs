@@ -7,12 +7,14 @@ pub mod distribution;
 pub mod filter;
 pub mod frame;
 pub mod polygon;
+pub mod residual_roulette;
 pub mod sampler;
 pub mod stats;
 pub mod warp;
 
 pub use frame::Frame;
 pub use glam::{Affine2, DMat4, DVec3, Mat3, Vec2, Vec3};
+pub use residual_roulette::{Prediction, Price, ResidualRoulette};
 pub use sampler::Sampler;
 
 /// Linear RGB triple (sRGB primaries): radiance, reflectance or any other per-channel quantity.
