@@ -87,6 +87,12 @@ pub fn factor(text: &str) -> Result<f64, String> {
     if value > 0.0 && value <= 64.0 { Ok(value) } else { Err("must be above 0 and at most 64".into()) }
 }
 
+/// A number that is not negative.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("\"{text}\" is no number"))?;
+    if value >= 0.0 && value < 1e30 { Ok(value) } else { Err("must be 0 or above".into()) }
+}
+
 /// An exposure in stops, within what 32-bit numbers can be scaled by.
 pub fn stops(text: &str) -> Result<f32, String> {
     let value: f32 = text.parse().map_err(|_| format!("\"{text}\" is no number"))?;

@@ -15,6 +15,8 @@ use crate::render::{InvalidSample, RenderSettings, render, replay, tiles_per_pas
 use crate::transport::World;
 use crate::transport::direct::LightSampling;
 use crate::transport::light_tree::LightTree;
+use crate::transport::strategies::Strategy;
+use crate::transport::strategies::coins::Coins;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -51,6 +53,8 @@ pub struct RenderArgs {
     pub rr_depth: Option<u32>,
     #[command(flatten)]
     pub photon: PhotonArgs,
+    #[command(flatten)]
+    pub many_light: ManyLightArgs,
     /// Render only this window of the image, in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = options::window)]
     pub crop: Option<[u32; 4]>,
@@ -116,6 +120,33 @@ pub struct PhotonArgs {
     pub only: Vec<Part>,
 }
 
+/// Flags of the integrator `many-light`; it heeds --light-sampling, --light-samples, --caustic-photons and --only as well.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Many-light integrator")]
+pub struct ManyLightArgs {
+    /// How sums over virtual lights are estimated [default: joint].
+    #[arg(long, value_enum)]
+    pub strategy: Option<Strategy>,
+    /// How chance decisions of one sum depend on each other [default: systematic].
+    #[arg(long, value_enum)]
+    pub coins: Option<Coins>,
+    /// Virtual lights per pass, about; K and M suffixes are understood [default: 4096].
+    #[arg(long, value_name = "N", value_parser = options::positive)]
+    pub vpls: Option<u64>,
+    /// Cache points of visibility [default: 256].
+    #[arg(long, value_name = "N", value_parser = options::positive)]
+    pub cache_points: Option<u64>,
+    /// Standard deviation per light of the strategies culling and hierarchical, radiance [default: the best for the picture].
+    #[arg(long, value_name = "RADIANCE", value_parser = options::not_negative)]
+    pub epsilon: Option<f64>,
+    /// Area of virtual lights, in areas of their photons' footprints; 0: points [default: 1].
+    #[arg(long, value_name = "FACTOR", value_parser = options::not_negative)]
+    pub vpl_area: Option<f64>,
+    /// Leave out what the area of virtual lights takes away near them: corners come out darker, a little faster.
+    #[arg(long)]
+    pub no_compensation: bool,
+}
+
 /// Kernels by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum KernelChoice {
@@ -145,6 +176,8 @@ pub enum Part {
 pub enum IntegratorChoice {
     /// Photon mapping steered by derivatives.
     Photon,
+    /// Virtual point lights from photons, summed by one of several strategies.
+    ManyLight,
     /// Unidirectional path tracing with light sampling: unbiased, the reference for all others.
     Path,
 }

@@ -8,6 +8,7 @@ use crate::formats::Loaded;
 use crate::image::metrics::Reference;
 use crate::image::{Window, read_image};
 use crate::integrators::Integrator;
+use crate::integrators::many_light::{ManyLight, ManyLightSettings};
 use crate::integrators::path::{Path, PathSettings};
 use crate::integrators::photon::{Parts, Photon, PhotonSettings};
 use crate::render::Progress;
@@ -16,6 +17,7 @@ use crate::scene::description::IntegratorDesc;
 use crate::transport::World;
 use crate::transport::direct::DirectSettings;
 use crate::transport::photon_map::Kernel;
+use crate::transport::strategies::StrategySettings;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -45,6 +47,9 @@ pub fn integrator<'a>(args: &RenderArgs, world: World<'a>) -> Box<dyn Integrator
         IntegratorChoice::Photon => {
             Box::new(Photon::new(world, photon_settings(args, world.scene), world.scene.film.crop))
         }
+        IntegratorChoice::ManyLight => {
+            Box::new(ManyLight::new(world, many_light_settings(args, world.scene), world.scene.film.crop))
+        }
         IntegratorChoice::Path => Box::new(Path::new(world, path_settings(args, &world.scene.integrator))),
     }
 }
@@ -67,6 +72,29 @@ fn path_settings(args: &RenderArgs, file: &IntegratorDesc) -> PathSettings {
         max_depth: args.max_depth.or(file.max_depth),
         rr_depth: args.rr_depth.or(file.rr_depth).unwrap_or(default.rr_depth),
         hide_emitters: file.hide_emitters,
+    }
+}
+
+/// Settings of the many-light integrator: the flags, else the defaults.
+fn many_light_settings(args: &RenderArgs, scene: &Scene) -> ManyLightSettings {
+    let default = ManyLightSettings::default();
+    let flags = &args.many_light;
+    let photon = photon_settings(args, scene);
+    ManyLightSettings {
+        path: photon.path,
+        direct: photon.direct,
+        strategy: StrategySettings {
+            strategy: flags.strategy.unwrap_or_default(),
+            coins: flags.coins.unwrap_or_default(),
+            epsilon: flags.epsilon.map(|e| (e as f32).max(1e-20)),
+        },
+        vpls: flags.vpls.map_or(default.vpls, |n| n as usize),
+        cache_points: flags.cache_points.map_or(default.cache_points, |n| n as usize),
+        compensate: !flags.no_compensation,
+        area: flags.vpl_area.map_or(default.area, |a| a as f32),
+        caustic_photons: photon.caustic_photons,
+        parts: photon.parts,
+        seed: photon.seed,
     }
 }
 

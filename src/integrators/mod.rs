@@ -1,5 +1,6 @@
 //! Light transport algorithms: each turns a camera ray into radiance.
 
+pub mod many_light;
 pub mod path;
 pub mod photon;
 
@@ -7,6 +8,7 @@ use crate::image::film::{Features, Film};
 use crate::math::{Rgb, Sampler};
 use crate::scene::camera::CameraRay;
 use crate::transport::direct::DirectCounts;
+use crate::transport::strategies::ManyLightCounts;
 
 /// What was counted while rendering. Sums over samples, the same for any number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -21,8 +23,10 @@ pub struct Counts {
     pub probed_shadow_rays: u64,
     /// Those of them that end on smooth glass, water or another surface that only specular paths cross.
     pub blocked_by_specular: u64,
-    /// Direct light of the photon integrator.
+    /// Direct light of the photon and the many-light integrator.
     pub direct: DirectCounts,
+    /// Sums over virtual lights of the many-light integrator.
+    pub many_light: ManyLightCounts,
     /// Look-ups in the irradiance cache.
     pub cache_lookups: u64,
     /// Those of them that found no record near enough.
@@ -41,6 +45,7 @@ impl std::ops::AddAssign for Counts {
         self.probed_shadow_rays += o.probed_shadow_rays;
         self.blocked_by_specular += o.blocked_by_specular;
         self.direct += o.direct;
+        self.many_light += o.many_light;
         self.cache_lookups += o.cache_lookups;
         self.cache_misses += o.cache_misses;
         self.invalid += o.invalid;

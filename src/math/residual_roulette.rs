@@ -92,11 +92,8 @@ impl ResidualRoulette {
         let Price { look, check, lambda } = *price;
         let sure = (square - residual).max(0.0);
         let u = bounded((look / check * residual / sure).sqrt(), LEAST_CHECK);
-        let pi = if u < 1.0 {
-            t * (sure / (lambda * look)).sqrt()
-        } else {
-            t * (square / (lambda * (look + check))).sqrt()
-        };
+        let pi =
+            if u < 1.0 { t * (sure / (lambda * look)).sqrt() } else { t * (square / (lambda * (look + check))).sqrt() };
         if pi >= 1.0 {
             return Self::residual(t, 1.0, known, price);
         }
@@ -239,10 +236,9 @@ mod tests {
             for t in [0.0, 1e-30, 1.0, f32::MAX] {
                 for lambda in [0.0, 1e-30, 1.0, f32::INFINITY] {
                     let (known, price) = (Prediction::of_probability(q), Price { lambda, ..price });
-                    for r in [
-                        ResidualRoulette::joint(t, &known, &price),
-                        ResidualRoulette::residual(t, 1.0, &known, &price),
-                    ] {
+                    for r in
+                        [ResidualRoulette::joint(t, &known, &price), ResidualRoulette::residual(t, 1.0, &known, &price)]
+                    {
                         let usable = |p: f32| p > 0.0 && p <= 1.0;
                         assert!(usable(r.pi) && usable(r.u), "{q} {t} {lambda}: {r:?}");
                     }

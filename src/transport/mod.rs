@@ -13,6 +13,8 @@
 //!   irradiance), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits),
 //!   [`cache_record`] (radii and weights), [`riser`] (what stands between), [`sphere_octree`] (look-up), [`cache_placement`] (places for it all over a scene),
 //!   [`cache_file`]
+//! * [`vpl`]: virtual point lights from photons; [`vpl_tree`]: groups of them; [`visibility`]: what a few points see of them;
+//!   [`strategies`]: sums over them
 
 pub mod antialias;
 pub mod border;
@@ -37,10 +39,14 @@ pub mod photon_tree;
 pub mod photon_walk;
 pub mod riser;
 pub mod sphere_octree;
+pub mod strategies;
 pub mod surfel_light;
 pub mod surfels;
 #[cfg(test)]
 mod tests;
+pub mod visibility;
+pub mod vpl;
+pub mod vpl_tree;
 mod world;
 
 use crate::scene::{Bsdf, LobeKind};

@@ -45,6 +45,8 @@ pub enum Goal {
     Caustics,
     /// All light of the given classes, [`PhotonClass::ALL`] in order.
     Classes([bool; 3]),
+    /// Virtual lights: all classes, and the diffuse material that each photon meets ([`Traced::materials`]).
+    Lights,
 }
 
 /// Settings of a walk.
@@ -65,6 +67,8 @@ pub struct WalkSettings {
 pub struct Traced {
     /// Stored photons.
     pub photons: Vec<Photon>,
+    /// For [`Goal::Lights`], of each stored photon the diffuse part of the material that it meets; else none.
+    pub materials: Vec<Bsdf>,
     /// What became of the light.
     pub ledger: Ledger,
     /// Values that were not finite, and ended their walks.
@@ -94,8 +98,9 @@ pub fn trace(world: World, density: &dyn EmissionDensity, settings: &WalkSetting
     let chunks: Vec<Traced> = chunks.collect();
     let mut all = Traced { ledger: Ledger::new(lights), ..Traced::default() };
     all.photons.reserve_exact(chunks.iter().map(|c| c.photons.len()).sum());
-    for chunk in chunks {
+    for mut chunk in chunks {
         all.photons.extend_from_slice(&chunk.photons);
+        all.materials.append(&mut chunk.materials);
         all.ledger += &chunk.ledger;
         all.invalid += chunk.invalid;
     }
@@ -176,6 +181,9 @@ impl Walk<'_> {
                     class,
                 };
                 self.out.photons.push(photon);
+                if settings.goal == Goal::Lights {
+                    self.out.materials.extend(diffuse.clone());
+                }
                 ledger.stored[class as usize] += 1;
                 ledger.stored_flux[class as usize] += flux.as_dvec3();
             }
@@ -256,6 +264,7 @@ impl Walk<'_> {
         match self.settings.goal {
             Goal::Caustics => class == PhotonClass::Caustic,
             Goal::Classes(classes) => classes[class as usize],
+            Goal::Lights => true,
         }
     }
 

@@ -13,10 +13,10 @@
 //! Verified by tests/photon.rs (agreement with `path`, furnace, determinism), tests/references.rs
 
 mod allocate;
-mod caustics;
+pub(super) mod caustics;
 mod eye;
 mod global;
-mod places;
+pub(super) mod places;
 mod settings;
 
 pub use settings::{Antialiasing, Emission, Indirect, Parts, PhotonSettings};

@@ -1,0 +1,326 @@
+//! The eye path of the many-light integrator: from the camera to diffuse surfaces, which virtual lights light.
+//!
+//! What counts where. A material is a diffuse part d and a rest r (Dirac and glossy lobes, coats); a path is written from the eye; x and y are
+//! neighbouring vertices, r their distance, c(r) the share that virtual lights leave out ([`left_out`]).
+//!
+//!   d at x, light straight from an emitter           light sampling alone
+//!   d at x, light by nearly specular scatterings     the caustic photons: L S+ d
+//!   d at x, light scattered by d at y                virtual lights at y; c(r) of it by a short path from x to y
+//!   d at x, light scattered by r at y, all else      the path goes on from x to y, where it goes on from r only
+//!   r at x, light straight from an emitter           light sampling and scattering, by the power heuristic
+//!   r at x, all else                                 the path goes on from r
+//!
+//! So at the end y of a path from d at x emitters do not count, and the diffuse part of y counts with probability c(r): without a material that has a
+//! rest the ray need not be longer than that can be, r^2 <= A/pi (1/U - 1). Behind a nearly specular surface that such a path meets,
+//! emitters do not count either (`Covered`: caustic photons bring them), but diffuse parts do.
+//! Branching: Dirac lobes at the first vertices send on both mirrored and refracted ray ([`MOST_BRANCHES`]).
+//! Verified by tests/many_light.rs: agreement with the path tracer on every material, furnace.
+
+use super::ManyLightSettings;
+use crate::accel::Ray;
+use crate::image::film::Features;
+use crate::integrators::Counts;
+use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
+use crate::scene::camera::CameraRay;
+use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
+use crate::transport::direct::{Direct, Found, Stage, Vantage};
+use crate::transport::strategies::{ManyLights, Receiver, Tally};
+use crate::transport::vpl::left_out;
+use crate::transport::{CausticMap, MAX_PASSED_SURFACES, NEARLY_SPECULAR_ALPHA, World};
+use arrayvec::ArrayVec;
+
+/// Most rays of one camera sample that wait at a time; where there is no room, one direction is chosen by chance.
+const MOST_BRANCHES: usize = 8;
+/// Scatterings up to which direct light is looked at closely.
+const FIRST_DEPTH: u32 = 4;
+/// Rays of less importance (throughput x eta^2) than this live on by roulette, whatever their depth.
+const DIM: f32 = 0.05;
+/// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
+const MAX_SURVIVAL: f32 = 0.95;
+
+/// All that an eye path asks.
+pub struct Eye<'a> {
+    pub world: World<'a>,
+    pub settings: &'a ManyLightSettings,
+    pub direct: &'a Direct<'a>,
+    /// Caustic photons, `None` if paths are to find caustics.
+    pub caustics: Option<&'a CausticMap>,
+    /// Virtual lights of this pass.
+    pub lights: Option<ManyLights<'a>>,
+    /// A / pi of the lights where short paths add what that leaves out; 0 without.
+    pub radius2: f32,
+    /// Whether some material has more than a diffuse part.
+    pub has_rest: bool,
+}
+
+/// How a ray left the surface before.
+#[derive(Clone, Copy)]
+enum Came {
+    /// From the camera or a Dirac lobe: an emitter counts in full.
+    Plain,
+    /// From a glossy lobe: light sampling could have found the emitter.
+    Glossy { from: Vantage, pdf_dir: f32 },
+    /// From a diffuse part: emitters and diffuse parts are counted there, but for the share c. `short`: that has been paid by the ray's length.
+    Diffuse { short: bool },
+    /// By nearly specular surfaces from a diffuse part.
+    Covered,
+}
+
+/// A ray that waits to be traced.
+struct Branch {
+    ray: Ray,
+    throughput: Rgb,
+    /// Product of squared relative indices crossed.
+    eta2: f32,
+    depth: u32,
+    passed: u32,
+    came: Came,
+    /// Distance from the surface before, where a null surface has cut the ray.
+    travelled: f32,
+    /// Whether the path has left a diffuse part: all that follows is indirect light.
+    indirect: bool,
+    /// Whether a lobe that is not a Dirac lobe has blurred the view.
+    blurred: bool,
+}
+
+/// Where a ray ended.
+struct End<'s> {
+    at: &'s SurfacePoint,
+    wo: Vec3,
+    vantage: Vantage,
+    /// Length of the ray.
+    t: f32,
+    /// Whether the path may not get longer.
+    last: bool,
+    /// Random numbers for what goes on: two of the direction, the lobe, roulette.
+    u: [f32; 4],
+}
+
+/// A camera sample on its way.
+struct Sample<'r> {
+    radiance: Rgb,
+    features: Features,
+    waiting: ArrayVec<Branch, MOST_BRANCHES>,
+    rng: &'r mut Sampler,
+    counts: &'r mut Counts,
+    tally: Tally,
+}
+
+impl Eye<'_> {
+    /// Radiance along a camera ray, the features of the first surface, and what sums over virtual lights have counted.
+    pub fn sample(&self, camera: &CameraRay, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features, Tally) {
+        let mut sample = Sample {
+            radiance: Rgb::ZERO,
+            features: Features::default(),
+            waiting: ArrayVec::new(),
+            rng,
+            counts,
+            tally: Tally::default(),
+        };
+        sample.waiting.push(Branch {
+            ray: Ray { o: camera.o, d: camera.d, tmin: camera.tmin, tmax: camera.tmax },
+            throughput: Rgb::ONE,
+            eta2: 1.0,
+            depth: 0,
+            passed: 0,
+            came: Came::Plain,
+            travelled: 0.0,
+            indirect: false,
+            blurred: false,
+        });
+        while let Some(branch) = sample.waiting.pop() {
+            self.follow(branch, &mut sample);
+        }
+        (sample.radiance, sample.features, sample.tally)
+    }
+
+    /// Whether light that reaches a surface at the end of this branch straight from an emitter, and its emission, are shown.
+    fn shows(&self, b: &Branch) -> bool {
+        if b.indirect { self.settings.parts.indirect } else { self.settings.parts.direct }
+    }
+
+    /// Traces one ray and adds what its end reflects; what goes on from there waits.
+    fn follow(&self, mut b: Branch, sample: &mut Sample) {
+        let scene = self.world.scene;
+        sample.counts.rays += 1;
+        let emitters_seen = b.depth > 0 || !self.settings.path.hide_emitters;
+        let Some(hit) = self.world.accel.closest(&b.ray) else {
+            if emitters_seen && self.shows(&b) && b.ray.tmax == f32::INFINITY {
+                let emitted = scene.lights.environment(scene.textures(), b.ray.d);
+                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Environment(b.ray.d));
+            }
+            return;
+        };
+        let at = self.world.surface(&b.ray, &hit);
+        let wo = -b.ray.d;
+        let is_emitter = scene.shapes[at.shape as usize].emission.is_some();
+        if is_emitter && !emitters_seen {
+            b.passed += 1;
+            b.ray = Ray { o: at.spawn_origin(b.ray.d), tmin: f32::MIN_POSITIVE, tmax: b.ray.tmax - hit.t, ..b.ray };
+            if b.passed <= MAX_PASSED_SURFACES {
+                sample.waiting.push(b);
+            }
+            return;
+        }
+        if is_emitter && self.shows(&b) {
+            let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
+            if emitted != Rgb::ZERO {
+                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Lamp(&at));
+            }
+        }
+        let bsdf = self.world.bsdf(&at, wo);
+        if b.depth == 0 && sample.features.shape == 0 {
+            sample.features =
+                Features { albedo: bsdf.albedo(wo), normal: at.n_shade, depth: hit.t, shape: at.shape + 1 };
+        }
+        let last = self.settings.path.max_depth.is_some_and(|max| b.depth + 1 >= max);
+        if last && !self.world.passes_light(at.shape) {
+            return;
+        }
+        b.travelled += hit.t;
+        let (diffuse, rest) = bsdf.split();
+        let diffuse = diffuse.filter(|_| self.counts_diffuse(&b, sample));
+        let vantage = Vantage::new(&at, diffuse.as_ref(), rest.as_ref(), stage(&b));
+        if !last {
+            self.reflected(&b, &at, wo, diffuse.as_ref(), rest.as_ref(), sample);
+        }
+        let end = End { at: &at, wo, vantage, t: hit.t, last, u: sample.rng.next_4d() };
+        self.go_on(b, &end, diffuse.as_ref(), rest.as_ref(), sample);
+    }
+
+    /// Weight of an emitter that a ray meets.
+    fn weight(&self, b: &Branch, found: Found) -> f32 {
+        match &b.came {
+            Came::Plain => 1.0,
+            Came::Glossy { from, pdf_dir } => self.direct.weight_of_scattered(from, *pdf_dir, found),
+            Came::Diffuse { .. } | Came::Covered => 0.0,
+        }
+    }
+
+    /// Whether the diffuse part where the ray ended counts: not what virtual lights have brought already.
+    fn counts_diffuse(&self, b: &Branch, sample: &mut Sample) -> bool {
+        match b.came {
+            Came::Diffuse { short: false } => {
+                let [u, ..] = sample.rng.next_4d();
+                u < left_out(b.travelled * b.travelled, self.radius2)
+            }
+            _ => true,
+        }
+    }
+
+    /// Whether a glossy lobe counts as a mirror for light that a caustic photon has brought already.
+    fn is_covered(&self, came: &Came, rest: &Bsdf) -> bool {
+        matches!(came, Came::Diffuse { .. } | Came::Covered)
+            && self.caustics.is_some()
+            && rest.min_alpha() < NEARLY_SPECULAR_ALPHA
+    }
+
+    /// Adds what the surface reflects of light known there.
+    fn reflected(
+        &self,
+        b: &Branch,
+        at: &SurfacePoint,
+        wo: Vec3,
+        diffuse: Option<&Bsdf>,
+        rest: Option<&Bsdf>,
+        sample: &mut Sample,
+    ) {
+        let parts = self.settings.parts;
+        let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
+        if (diffuse.is_some() || sampled.is_some()) && self.shows(b) {
+            let light = self.direct.radiance(at, diffuse, sampled, wo, stage(b), sample.rng, &mut sample.counts.direct);
+            sample.radiance += b.throughput * light;
+        }
+        let Some(diffuse) = diffuse else { return };
+        let most = self.settings.path.max_depth.map_or(u32::MAX, |max| max.saturating_sub(b.depth + 1));
+        if let Some(map) = self.caustics.filter(|_| if b.indirect { parts.indirect } else { parts.caustic }) {
+            sample.radiance += b.throughput * map.radiance_within(at, diffuse, wo, most);
+        }
+        if let Some(lights) = self.lights.as_ref().filter(|_| parts.indirect) {
+            let r = Receiver::new(at, diffuse, wo, b.throughput, most.saturating_sub(1), b.depth + 1 + b.passed);
+            sample.radiance += lights.sum(&r, sample.rng, &mut sample.tally);
+        }
+    }
+
+    /// Sends rays on from the surface: from the diffuse part towards what virtual lights leave out, and from `rest`.
+    fn go_on(&self, b: Branch, end: &End, diffuse: Option<&Bsdf>, rest: Option<&Bsdf>, sample: &mut Sample) {
+        let [ux, uy, mut u_lobe, _] = end.u;
+        let wanted = self.settings.parts.indirect && (self.has_rest || self.radius2 > 0.0);
+        let crowded = b.blurred || MOST_BRANCHES - sample.waiting.len() < 4;
+        let mut shares = [1.0; 2];
+        let (mut diffuse, mut rest) = (diffuse.filter(|_| wanted), rest);
+        if let (Some(d), Some(r), true) = (diffuse, rest, crowded) {
+            // No room for both: one by chance.
+            let [d_share, r_share] = [d, r].map(|part| luminance(part.albedo(end.wo)).max(1e-6));
+            let p = r_share / (d_share + r_share);
+            if u_lobe < p {
+                (diffuse, shares[1], u_lobe) = (None, p, u_lobe / p);
+            } else {
+                (rest, shares[0], u_lobe) = (None, 1.0 - p, (u_lobe - p) / (1.0 - p));
+            }
+        }
+        let u = Vec2::new(ux, uy);
+        if let Some(s) = diffuse.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
+            self.push(&b, end, &s, shares[0], Came::Diffuse { short: !self.has_rest }, sample);
+        }
+        let Some(rest) = rest else { return };
+        let branches = if crowded { None } else { rest.branches(end.wo, Transport::Radiance) };
+        let by_chance = || rest.sample(end.wo, u_lobe, u, Transport::Radiance).into_iter().collect::<ArrayVec<_, 2>>();
+        for s in &branches.unwrap_or_else(by_chance) {
+            let covered = matches!(b.came, Came::Diffuse { .. } | Came::Covered) && self.caustics.is_some();
+            let came = match s.lobe {
+                LobeKind::Null => b.came,
+                LobeKind::Specular if covered => Came::Covered,
+                LobeKind::Specular => Came::Plain,
+                _ if self.is_covered(&b.came, rest) => Came::Covered,
+                _ => Came::Glossy { from: end.vantage, pdf_dir: s.pdf_dir },
+            };
+            self.push(&b, end, s, shares[1], came, sample);
+        }
+    }
+
+    /// Lets the scattered ray wait, if it survives.
+    fn push(&self, b: &Branch, end: &End, s: &BsdfSample, share: f32, came: Came, sample: &mut Sample) {
+        let straight = s.lobe == LobeKind::Null;
+        if (end.last && !straight) || (straight && b.passed >= MAX_PASSED_SURFACES) {
+            return;
+        }
+        let depth = b.depth + u32::from(!straight);
+        let eta2 = b.eta2 * s.eta * s.eta;
+        let throughput = b.throughput * s.weight / share;
+        let importance = throughput.max_element() * eta2;
+        let mut survival = (importance / DIM).min(1.0);
+        if depth >= self.settings.path.rr_depth && !straight {
+            survival = survival.min(importance.min(MAX_SURVIVAL));
+        }
+        if end.u[3] >= survival {
+            return;
+        }
+        let reach = match came {
+            // What is left of a short ray behind a surface that it passes.
+            _ if straight => b.ray.tmax - end.t,
+            Came::Diffuse { short: true } => {
+                let [u, ..] = sample.rng.next_4d();
+                (self.radius2 * (1.0 / u.max(f32::MIN_POSITIVE) - 1.0)).sqrt()
+            }
+            _ => f32::INFINITY,
+        };
+        // There is always room for one, and for more where more were sent.
+        let _ = sample.waiting.try_push(Branch {
+            ray: Ray { o: end.at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: reach },
+            throughput: throughput / survival,
+            eta2,
+            depth,
+            passed: b.passed + u32::from(straight),
+            came,
+            travelled: if straight { b.travelled } else { 0.0 },
+            indirect: b.indirect || s.lobe == LobeKind::Diffuse,
+            blurred: b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy),
+        });
+    }
+}
+
+/// How much the end of a ray matters to its direct light.
+fn stage(b: &Branch) -> Stage {
+    if b.blurred || b.depth > FIRST_DEPTH { Stage::Later } else { Stage::First }
+}

@@ -1,0 +1,277 @@
+//! Many lights: indirect light from virtual point lights.
+//!
+//! Estimates   the same integral as [`super::path`], split by what is known where (`eye` has the table): direct light by light sampling,
+//!             caustics from photons, light that a diffuse surface sends to another from virtual lights, summed by one of the
+//!             [`strategies`](crate::transport::strategies)
+//! Passes      each pass has virtual lights and cache points of its own, so that no error of one pass, banding above all, outlives it; the
+//!             price of variance, lambda, and the calibration of the cache come from the passes before
+//! Source      Keller 1997 (instant radiosity), progressive over passes; Nabata et al.; Tokuyoshi & Harada; METHODS 6.3, 6.4
+//! Bias        kernels of caustic photons; with `compensate` off, corners are darker (see `transport::vpl`)
+//! Not handled participating media; glossy lights: what glossy surfaces scatter towards diffuse ones is found by paths
+//! Verified by tests/many_light.rs (agreement with `path`, furnace, determinism), tests/strategies.rs
+
+mod eye;
+mod meter;
+mod settings;
+
+pub use settings::ManyLightSettings;
+
+use self::eye::Eye;
+use self::meter::Meter;
+use super::photon::PhotonSettings;
+use super::photon::caustics::Caustics;
+use super::photon::places::places;
+use super::{Counts, Integrator};
+use crate::image::film::Features;
+use crate::math::sampler::{hash, unit_f32};
+use crate::math::{Price, Rgb, Sampler, Vec2};
+use crate::scene::camera::CameraRay;
+use crate::scene::material::has_sharp_lobe;
+use crate::transport::direct::Direct;
+use crate::transport::strategies::{LOOK, ManyLights, Strategy, culling};
+use crate::transport::visibility::posterior::Posterior;
+use crate::transport::visibility::{ShadingClusters, VisibilityCache};
+use crate::transport::vpl::{Area, VplSource, Vpls};
+use crate::transport::vpl_tree::VplTree;
+use crate::transport::{CausticMap, World};
+use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
+
+/// Shading points that clusters are made of, at most.
+const SHADING_POINTS: usize = 1 << 16;
+/// Camera samples of a trial for the first lambda, and trials.
+const TRIAL: u64 = 512;
+const TRIALS: u32 = 5;
+/// One camera sample in so many is metered.
+const METERED: u64 = 8;
+/// Separates random numbers of trials and culling from those of samples.
+const STREAM: u64 = 0x6d61_6e79; // "many"
+
+/// The virtual lights of a pass and what belongs to them.
+#[derive(Debug, Default)]
+struct PassLights {
+    vpls: Vpls,
+    tree: VplTree,
+    cache: Option<VisibilityCache>,
+    ranges: Vec<f32>,
+}
+
+/// The many-light integrator.
+pub struct ManyLight<'a> {
+    world: World<'a>,
+    settings: ManyLightSettings,
+    window: [u32; 4],
+    direct: Direct<'a>,
+    caustics: Option<Caustics<'a>>,
+    map: Option<CausticMap>,
+    source: Option<VplSource<'a>>,
+    clusters: ShadingClusters,
+    lights: PassLights,
+    posterior: Posterior,
+    meter: Meter,
+    price: Price,
+    /// A / pi for short paths.
+    radius2: f32,
+    has_rest: bool,
+    prepared: Counts,
+    cache_rays: u64,
+}
+
+impl<'a> ManyLight<'a> {
+    /// An integrator for the pixels of `window` (x, y, width, height).
+    pub fn new(world: World<'a>, settings: ManyLightSettings, window: [u32; 4]) -> Self {
+        let pixels = window[2] as usize * window[3] as usize;
+        let photon = PhotonSettings {
+            path: settings.path,
+            caustic_photons: settings.caustic_photons,
+            parts: settings.parts,
+            seed: settings.seed,
+            ..PhotonSettings::default()
+        };
+        let scene = world.scene;
+        let path = settings.path;
+        let source = (settings.parts.indirect)
+            .then(|| VplSource::new(world, settings.vpls, path.max_depth, path.rr_depth, settings.seed))
+            .flatten();
+        let radius2 = source.as_ref().map_or(0.0, VplSource::mean_area) * settings.area * FRAC_1_PI;
+        ManyLight {
+            world,
+            settings,
+            window,
+            direct: Direct::new(world, settings.direct),
+            caustics: Caustics::new(world, &photon, pixels),
+            map: None,
+            source,
+            clusters: ShadingClusters::default(),
+            lights: PassLights::default(),
+            posterior: Posterior::default(),
+            meter: Meter::default(),
+            price: Price { look: LOOK, check: 1.0, lambda: 0.0 },
+            radius2: if settings.compensate { radius2 } else { 0.0 },
+            has_rest: scene.shapes.iter().any(|s| has_sharp_lobe(&scene.materials, s.material, f32::INFINITY)),
+            prepared: Counts::default(),
+            cache_rays: 0,
+        }
+    }
+
+    /// Cost of a pass's preparations, shadow rays per pixel.
+    fn shared_cost(&self) -> f64 {
+        let rays = self.lights.vpls.rays + self.lights.cache.as_ref().map_or(0, |c| c.rays);
+        rays as f64 / (f64::from(self.window[2]) * f64::from(self.window[3])).max(1.0)
+    }
+
+    fn make_lights(&mut self, pass: u64) {
+        let Some(source) = &self.source else { return };
+        let area = match self.settings.area {
+            0.0 => Area::One(0.0),
+            a if self.settings.compensate => Area::One(a * source.mean_area()),
+            _ => Area::Own,
+        };
+        let mut vpls = source.lights(area, pass);
+        let mut tree = VplTree::build(&mut vpls);
+        let strategy = self.settings.strategy.strategy;
+        let cache = strategy
+            .needs_cache()
+            .then(|| VisibilityCache::build(self.world, &self.clusters, &vpls, self.settings.seed, pass));
+        if let (Some(cache), Strategy::Joint) = (&cache, strategy) {
+            tree.count_visible(cache);
+        }
+        self.prepared.photons += vpls.photons;
+        self.prepared.rays += vpls.rays;
+        self.cache_rays += cache.as_ref().map_or(0, |c| c.rays);
+        self.lights = PassLights { vpls, tree, cache, ranges: Vec::new() };
+    }
+
+    /// Random ranges for this pass, with the present lambda.
+    fn set_ranges(&mut self, pass: u64) {
+        if self.settings.strategy.strategy == Strategy::Culling {
+            let two_epsilon = culling::two_epsilon(self.settings.strategy.epsilon, &self.price);
+            let key = hash(hash(self.settings.seed, STREAM), pass);
+            self.lights.ranges = culling::ranges(&self.lights.vpls, two_epsilon, key);
+            self.lights.tree.set_ranges(&self.lights.ranges);
+        }
+    }
+
+    /// A first lambda, by trials of some camera samples with the lights of the first pass.
+    fn find_price(&mut self) {
+        let total: f64 = self.lights.vpls.lights.iter().map(|l| f64::from(l.strength)).sum();
+        let area: f64 = self.world.scene.shapes.iter().map(|s| f64::from(s.area())).sum();
+        // The radiance of the lights' flux if it lay evenly on all surfaces: right to an order of magnitude.
+        let radiance = total * std::f64::consts::PI / area.max(f64::MIN_POSITIVE);
+        self.meter = Meter::new(radiance);
+        self.price.lambda = (radiance * radiance / 100.0) as f32;
+        if !self.settings.strategy.strategy.needs_price() {
+            return;
+        }
+        let [x, y, w, h] = self.window.map(|v| v as f32);
+        for trial in 0..TRIALS {
+            self.set_ranges(u64::from(trial) | 1 << 63);
+            let rays = (0..TRIAL).into_par_iter().map(|i| {
+                let key = hash(hash(self.settings.seed, STREAM), i);
+                let at = Vec2::new(x + w * unit_f32(key), y + h * unit_f32(hash(key, 1)));
+                let mut rng = Sampler::new(self.settings.seed, key, u64::from(trial));
+                let mut counts = Counts::default();
+                let (_, _, tally) =
+                    self.eye().sample(&self.world.scene.camera.ray(at, Vec2::splat(0.5)), &mut rng, &mut counts);
+                self.meter.add(&tally, counts.rays + counts.direct.shadow_rays);
+                counts.rays + counts.direct.shadow_rays + tally.counts().shadow_rays
+            });
+            self.prepared.rays += rays.sum::<u64>();
+            let shared = self.shared_cost();
+            if let Some(lambda) = self.meter.read(shared) {
+                self.price.lambda = lambda;
+            }
+        }
+    }
+
+    fn eye(&self) -> Eye<'_> {
+        let PassLights { vpls, tree, cache, ranges } = &self.lights;
+        let lights = (!vpls.lights.is_empty()).then(|| ManyLights {
+            ranges,
+            ..ManyLights::new(
+                self.world,
+                vpls,
+                tree,
+                cache.as_ref(),
+                &self.posterior,
+                self.settings.strategy,
+                self.price,
+            )
+        });
+        Eye {
+            world: self.world,
+            settings: &self.settings,
+            direct: &self.direct,
+            caustics: self.map.as_ref(),
+            lights,
+            radius2: self.radius2,
+            has_rest: self.has_rest,
+        }
+    }
+}
+
+impl Integrator for ManyLight<'_> {
+    fn name(&self) -> &'static str {
+        "many-light"
+    }
+
+    fn prepare(&mut self, pass: u64, _over: &(dyn Fn() -> bool + Sync)) {
+        if let Some(caustics) = &self.caustics {
+            self.map = Some(caustics.map(pass));
+            self.prepared.photons += caustics.emitted();
+        }
+        if pass == 0 && self.source.is_some() && self.settings.strategy.strategy.needs_cache() {
+            let pixels = self.window[2] as usize * self.window[3] as usize;
+            let spacing = (pixels as f64 / SHADING_POINTS as f64).sqrt().ceil().max(1.0) as u32;
+            let points = places(self.world, self.window, spacing, None).iter().map(|p| p.facet).collect();
+            self.clusters = ShadingClusters::new(points, self.settings.cache_points);
+        }
+        self.make_lights(pass);
+        if pass == 0 {
+            self.find_price();
+        } else if pass.is_power_of_two() {
+            let shared = self.shared_cost();
+            if let Some(lambda) = self.meter.read(shared) {
+                self.price.lambda = lambda;
+            }
+        }
+        self.posterior.fold();
+        self.set_ranges(pass);
+    }
+
+    fn prepared(&self) -> Counts {
+        Counts { shadow_rays: self.cache_rays, ..self.prepared }
+    }
+
+    fn sample(&self, camera: &CameraRay, _pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
+        let before = counts.rays + counts.direct.shadow_rays;
+        let (radiance, features, tally) = self.eye().sample(camera, rng, counts);
+        counts.many_light += tally.counts();
+        // A part of the samples, the same for any number of threads.
+        if hash(u64::from(camera.d.x.to_bits()), u64::from(camera.d.y.to_bits())).is_multiple_of(METERED) {
+            self.meter.add(&tally, counts.rays + counts.direct.shadow_rays - before);
+        }
+        (radiance, features)
+    }
+
+    fn figures(&self) -> Vec<(&'static str, u64)> {
+        let mut all = vec![("virtual lights", self.lights.vpls.lights.len() as u64)];
+        if let Some(map) = &self.map {
+            all.push(("caustic photons stored", map.stored() as u64));
+        }
+        if let Some(cache) = &self.lights.cache {
+            all.push(("cache points", cache.points().len() as u64));
+            all.push(("cache bytes", cache.bytes() as u64));
+            all.push(("cache shadow rays", self.cache_rays));
+        }
+        all
+    }
+
+    fn remarks(&self, _counts: &Counts) -> Vec<String> {
+        let mut out = Vec::new();
+        if self.source.is_none() && self.settings.parts.indirect && !self.world.scene.lights.is_empty() {
+            out.push("no light reaches a diffuse surface within the limit of depth: no virtual light".into());
+        }
+        out
+    }
+}

@@ -1,0 +1,48 @@
+//! What the many-light integrator is told.
+
+use crate::integrators::path::PathSettings;
+use crate::integrators::photon::Parts;
+use crate::transport::direct::DirectSettings;
+use crate::transport::strategies::StrategySettings;
+
+/// Settings of [`super::ManyLight`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ManyLightSettings {
+    /// Depth, roulette, hidden emitters.
+    pub path: PathSettings,
+    /// Direct light.
+    pub direct: DirectSettings,
+    /// How sums over virtual lights are estimated.
+    pub strategy: StrategySettings,
+    /// Virtual lights per pass, about.
+    pub vpls: usize,
+    /// Cache points.
+    pub cache_points: usize,
+    /// Whether short paths add what discs in place of points leave out; else corners are darker.
+    pub compensate: bool,
+    /// Areas of the discs, in areas of the photons' footprints; 0: points.
+    pub area: f32,
+    /// Photons per pass for caustics; `None`: as many as pixels.
+    pub caustic_photons: Option<u64>,
+    /// Which light is shown.
+    pub parts: Parts,
+    /// Seed of photons and caches.
+    pub seed: u64,
+}
+
+impl Default for ManyLightSettings {
+    fn default() -> Self {
+        ManyLightSettings {
+            path: PathSettings::default(),
+            direct: DirectSettings::default(),
+            strategy: StrategySettings::default(),
+            vpls: 4096,
+            cache_points: 256,
+            compensate: true,
+            area: 1.0,
+            caustic_photons: None,
+            parts: Parts::default(),
+            seed: 0,
+        }
+    }
+}
