@@ -90,7 +90,7 @@ pub fn factor(text: &str) -> Result<f64, String> {
 /// A number that is not negative.
 pub fn not_negative(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("\"{text}\" is no number"))?;
-    if value >= 0.0 && value < 1e30 { Ok(value) } else { Err("must be 0 or above".into()) }
+    if (0.0..1e30).contains(&value) { Ok(value) } else { Err("must be 0 or above".into()) }
 }
 
 /// An exposure in stops, within what 32-bit numbers can be scaled by.

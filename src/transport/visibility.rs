@@ -176,7 +176,7 @@ impl VisibilityCache {
         let found = tree.query(&point6(p, n, self.scale)).nearest_n::<SquaredEuclidean<f32>>(k).unsorted().execute();
         // Ties are broken by index: the order of a query's answers is none of ours.
         let mut found: ArrayVec<(f32, u32), MOST_NEIGHBOURS> =
-            found.iter().take(MOST_NEIGHBOURS).map(|q| (q.distance, q.item as u32)).collect();
+            found.iter().take(MOST_NEIGHBOURS).map(|q| (q.distance, q.item)).collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut cos = 1.0f32;
         for &(_, point) in &found {

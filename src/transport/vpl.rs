@@ -163,7 +163,19 @@ impl<'a> VplSource<'a> {
     }
 }
 
+impl Vpl {
+    /// A Lambertian light at `p` with the unit normal `n` and the intensity `power` along it; `radius2`: A / pi.
+    pub fn lambertian(p: Vec3, n: Vec3, power: Rgb, radius2: f32) -> Self {
+        Vpl { p, radius2, n, strength: mean(power), n_shade: n, segments: 1, power, material: LAMBERT }
+    }
+}
+
 impl Vpls {
+    /// Lambertian lights that come from elsewhere.
+    pub fn from_lights(lights: Vec<Vpl>) -> Self {
+        Vpls { lights, ..Vpls::default() }
+    }
+
     /// Intensity times G' in the unnormalised direction `d` from the light, of squared length `d2`: irradiance across the direction at its end, W/m^2.
     #[inline]
     pub fn arriving(&self, light: &Vpl, d: Vec3, d2: f32) -> Rgb {

@@ -63,7 +63,8 @@ mod tests {
             let mut meter = Meter::new(unit);
             assert_eq!(meter.read(0.0), None);
             for _ in 0..100 {
-                let tally = Tally { roulette: 2.0 * unit * unit, set: unit * unit, ..Tally::default() };
+                let mut tally = Tally::default();
+                (tally.roulette, tally.set) = (2.0 * unit * unit, unit * unit);
                 meter.add(&tally, 10);
             }
             let lambda = f64::from(meter.read(5.0).unwrap());

@@ -8,7 +8,7 @@
 //! Source      Keller 1997 (instant radiosity), progressive over passes; Nabata et al.; Tokuyoshi & Harada; METHODS 6.3, 6.4
 //! Bias        kernels of caustic photons; with `compensate` off, corners are darker (see `transport::vpl`)
 //! Not handled participating media; glossy lights: what glossy surfaces scatter towards diffuse ones is found by paths
-//! Verified by tests/many_light.rs (agreement with `path`, furnace, determinism), tests/strategies.rs
+//! Verified by tests/many_light.rs (agreement with `path`, furnace, determinism), `transport::strategies::tests`
 
 mod eye;
 mod meter;

@@ -9,7 +9,7 @@
 //! light returns 2 eps_max cos at most: eps_max bounds the standard deviation per light. If it is not given, 2 eps_max = sqrt(lambda (c_s + c_v)): the
 //! probability is then the best one for a light that is visible and faces the point (METHODS 2.B).
 //! Bias        none; errors of one pass are the same everywhere in the picture (shared xi) and change from pass to pass
-//! Source      Tokuyoshi & Harada 2016. Verified by tests/strategies.rs: integral over xi between breakpoints; bound of the deviation
+//! Source      Tokuyoshi & Harada 2016. Verified by `tests`: integral over xi between breakpoints; bound of the deviation
 
 use super::{ManyLights, Receiver, Tally};
 use crate::math::sampler::hash;

@@ -8,7 +8,7 @@
 //!
 //! p_i is that of [`super::culling`]. The numbers of all lights are independent and uniform although most of them are never made; errors of
 //! neighbouring pixels do not depend on each other, so that they look like noise.
-//! Bias: none. Source: Tokuyoshi & Harada 2019; METHODS 2.B. Verified by tests/strategies.rs (z-test).
+//! Bias: none. Source: Tokuyoshi & Harada 2019; METHODS 2.B. Verified by `tests` (z-test).
 
 use super::culling::{inverse_alpha, survival, two_epsilon};
 use super::{ManyLights, Receiver, Tally};

@@ -11,7 +11,7 @@
 //! contributors every light is looked at (pi = 1). With systematic coins the groups of the cut lie one after the other on a line, so one number
 //! chooses all lights of a point, spread evenly over space, at no cost for the groups that are passed over.
 //! What has been looked at is not thrown away again: its cost is spent, so the second coin decides on the ray alone.
-//! Bias: none. Source: METHODS 1.B (joint optimum), 2.B (thinning through node bounds). Verified by tests/strategies.rs.
+//! Bias: none. Source: METHODS 1.B (joint optimum), 2.B (thinning through node bounds). Verified by `tests`.
 
 use super::coins::Coin;
 use super::{ManyLights, Receiver, Tally};

@@ -13,7 +13,7 @@
 //! Given the lights of a pass all have the mean of `exact`; what differs is variance and cost. t is the mean of the channels of the tentative
 //! contribution, the path's throughput included, so that one lambda = S / C holds for the whole picture. Estimates may be negative: they are
 //! never clamped one by one.
-//! Bias: none beyond that of the lights. Verified by tests/strategies.rs.
+//! Bias: none beyond that of the lights. Verified by `tests`.
 
 pub mod coins;
 pub mod culling;

@@ -10,7 +10,7 @@
 //!
 //! Repaired where METHODS 1.A says: sigma_0^2 is interpolated as a coefficient of variation times the local mean (b). Since n_0 - 1 is tiny, nearly
 //! every light ends at u = eps_2: the share at each clamp is counted, and is what the savings are made of (d).
-//! Bias: none. Verified by tests in this file and tests/strategies.rs.
+//! Bias: none. Verified by tests in this file and `tests`.
 
 use crate::math::ResidualRoulette;
 

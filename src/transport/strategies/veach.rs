@@ -7,7 +7,7 @@
 //! Small contributions are rarely checked, whatever is known of their visibility. sigma_0^2 is the variance of t v over the lights, read from the cache
 //! points (METHODS 1.B); n_0 counts rays per light, n_d of them from the eye.
 //! Source: Veach 1997, section 10.4.1, as the baseline of Nabata et al. Bias: none; u is kept above [`LEAST_CHECK`].
-//! Verified by tests/strategies.rs: mean over all coin patterns.
+//! Verified by `tests`: mean over all coin patterns.
 
 use crate::math::ResidualRoulette;
 use crate::math::residual_roulette::LEAST_CHECK;
