@@ -93,6 +93,12 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     if (0.0..1e30).contains(&value) { Ok(value) } else { Err("must be 0 or above".into()) }
 }
 
+/// A radiance above 0.
+pub fn radiance(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("\"{text}\" is no number"))?;
+    if value > 0.0 && value <= 1e30 { Ok(value) } else { Err("must be above 0".into()) }
+}
+
 /// An exposure in stops, within what 32-bit numbers can be scaled by.
 pub fn stops(text: &str) -> Result<f32, String> {
     let value: f32 = text.parse().map_err(|_| format!("\"{text}\" is no number"))?;

@@ -14,6 +14,8 @@ use crate::integrators::photon::{Antialiasing, Emission, Indirect};
 use crate::render::{InvalidSample, RenderSettings, render, replay, tiles_per_pass};
 use crate::transport::World;
 use crate::transport::direct::LightSampling;
+use crate::transport::light_cull::{CullingSettings, MOST_KEPT, Reservoir};
+use crate::transport::light_selection::{LightStrategy, SelectionSettings};
 use crate::transport::light_tree::LightTree;
 use crate::transport::strategies::Strategy;
 use crate::transport::strategies::coins::Coins;
@@ -55,6 +57,8 @@ pub struct RenderArgs {
     pub photon: PhotonArgs,
     #[command(flatten)]
     pub many_light: ManyLightArgs,
+    #[command(flatten)]
+    pub path: PathArgs,
     /// Render only this window of the image, in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = options::window)]
     pub crop: Option<[u32; 4]>,
@@ -145,6 +149,44 @@ pub struct ManyLightArgs {
     /// Leave out what the area of virtual lights takes away near them: corners come out darker, a little faster.
     #[arg(long)]
     pub no_compensation: bool,
+}
+
+/// Flags of the integrator `path`.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Path integrator")]
+pub struct PathArgs {
+    /// Which light a path vertex samples [default: tree].
+    #[arg(long, value_enum)]
+    pub light_selection: Option<LightStrategy>,
+    /// Light culling: bound of the standard deviation of one light, in units of radiance [default: by --culling-lights].
+    #[arg(long, value_name = "RADIANCE", value_parser = options::radiance)]
+    pub culling_error: Option<f64>,
+    /// Light culling: number of lights that survive on average [default: 32].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub culling_lights: Option<u32>,
+    /// Light culling: lights that are kept and get a shadow ray [default: 1].
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=MOST_KEPT as i64))]
+    pub culling_kept: Option<u32>,
+    /// Light culling: how they are kept [default: weighted].
+    #[arg(long, value_enum)]
+    pub culling_reservoir: Option<Reservoir>,
+}
+
+impl PathArgs {
+    /// The choice of lights that the flags ask for.
+    pub fn selection(&self, seed: u64) -> SelectionSettings {
+        let default = CullingSettings::default();
+        SelectionSettings {
+            strategy: self.light_selection.unwrap_or_default(),
+            culling: CullingSettings {
+                error: self.culling_error.map(|e| e as f32),
+                lights: self.culling_lights.map_or(default.lights, |n| n as f32),
+                kept: self.culling_kept.unwrap_or(default.kept),
+                reservoir: self.culling_reservoir.unwrap_or(default.reservoir),
+            },
+            seed,
+        }
+    }
 }
 
 /// Kernels by name.

@@ -72,6 +72,7 @@ fn path_settings(args: &RenderArgs, file: &IntegratorDesc) -> PathSettings {
         max_depth: args.max_depth.or(file.max_depth),
         rr_depth: args.rr_depth.or(file.rr_depth).unwrap_or(default.rr_depth),
         hide_emitters: file.hide_emitters,
+        lights: args.path.selection(args.seed.unwrap_or(0)),
     }
 }
 

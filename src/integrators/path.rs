@@ -1,8 +1,8 @@
 //! Unidirectional path tracing: the oracle that every other integrator is tested against.
 //!
 //! Estimates   L(x, w) = Le + integral f(w, wi) L(x, wi) |cos| dwi by one path per camera sample
-//! Direct      one light sample per vertex, of a light drawn from the light tree, combined with the scattered direction by the
-//!             power heuristic (beta = 2)
+//! Direct      one light sample per vertex, of a light drawn from the light tree (or as [`LightSelection`] is told), combined with the
+//!             scattered direction by the power heuristic (beta = 2)
 //! Measure     all densities per solid angle at the vertex; light densities include the selection probability
 //! Passing     masks and null surfaces that a path goes straight through count neither for the depth nor as a vertex, and
 //!             light samples cross them: as Mitsuba's `volpath`, whereas its `path` counts them and lets them block
@@ -17,10 +17,15 @@ use crate::accel::Ray;
 use crate::image::film::Features;
 use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
-use crate::scene::{Bsdf, LightSample, LobeKind, SurfacePoint, Transport};
-use crate::transport::light_tree::{LightTree, LitPoint};
+use crate::scene::{Bsdf, LobeKind, SurfacePoint, Transport};
+use crate::transport::light_selection::{LightSelection, SelectionSettings};
+use crate::transport::light_tree::LitPoint;
 use crate::transport::{MAX_PASSED_SURFACES, MAX_SURVIVAL, World, power_heuristic};
-use std::borrow::Cow;
+
+/// Rows and columns of [`probes`], where there are many lights and where not.
+const PROBES: [u32; 2] = [6, 16];
+/// Lights from which there are many.
+const MANY_LIGHTS: usize = 20_000;
 
 /// Settings of [`Path`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,11 +36,13 @@ pub struct PathSettings {
     pub rr_depth: u32,
     /// Camera rays go through lamps, whatever their material, and see no light from infinity.
     pub hide_emitters: bool,
+    /// Which lights are sampled.
+    pub lights: SelectionSettings,
 }
 
 impl Default for PathSettings {
     fn default() -> Self {
-        PathSettings { max_depth: None, rr_depth: 5, hide_emitters: false }
+        PathSettings { max_depth: None, rr_depth: 5, hide_emitters: false, lights: SelectionSettings::default() }
     }
 }
 
@@ -43,7 +50,7 @@ impl Default for PathSettings {
 #[derive(Debug)]
 pub struct Path<'a> {
     world: World<'a>,
-    lights: Cow<'a, LightTree>,
+    lights: LightSelection<'a>,
     settings: PathSettings,
 }
 
@@ -58,11 +65,11 @@ struct Previous {
 impl<'a> Path<'a> {
     /// A path tracer over `world`.
     pub fn new(world: World<'a>, settings: PathSettings) -> Self {
-        let lights = world.lights.map_or_else(|| Cow::Owned(LightTree::new(world.scene)), Cow::Borrowed);
+        let lights = LightSelection::new(world, &settings.lights, || probes(world));
         Path { world, lights, settings }
     }
 
-    /// Radiance from one light sample towards the point `at`, weighted against scattering into the same direction.
+    /// Radiance from light samples towards the point `at`, weighted against scattering into the same direction.
     fn direct(
         &self,
         at: &SurfacePoint,
@@ -72,24 +79,22 @@ impl<'a> Path<'a> {
         rng: &mut Sampler,
         counts: &mut Counts,
     ) -> Rgb {
-        let [ux, uy, u_light, _] = rng.next_4d();
         let lit = LitPoint { p: at.p, n: bsdf.upper_normal() };
-        let Some(LightSample { wi, distance, weight, pdf_dir, .. }) =
-            self.lights.sample_light(self.world.scene, &lit, u_light, Vec2::new(ux, uy))
-        else {
-            return Rgb::ZERO;
-        };
-        let (f, pdf_bsdf) = bsdf.eval_pdf(wo, wi, Transport::Radiance);
-        if f == Rgb::ZERO {
-            return Rgb::ZERO;
-        }
-        let probe = pass == 0;
-        let through = self.world.transmittance(self.world.shadow_ray(at, wi, distance), probe);
-        counts.shadow_rays += 1;
-        counts.probed_shadow_rays += u64::from(probe);
-        counts.blocked_by_specular += u64::from(through.blocked_by_specular);
-        let mis = if pdf_dir == 0.0 { 1.0 } else { power_heuristic(pdf_dir, pdf_bsdf) };
-        f * weight * (mis * through.share)
+        let mut sum = Rgb::ZERO;
+        self.lights.sample(&self.world, &lit, rng, |s| {
+            let (f, pdf_bsdf) = bsdf.eval_pdf(wo, s.wi, Transport::Radiance);
+            if f == Rgb::ZERO {
+                return;
+            }
+            let probe = pass == 0;
+            let through = self.world.transmittance(self.world.shadow_ray(at, s.wi, s.distance), probe);
+            counts.shadow_rays += 1;
+            counts.probed_shadow_rays += u64::from(probe);
+            counts.blocked_by_specular += u64::from(through.blocked_by_specular);
+            let mis = if s.pdf_dir == 0.0 { 1.0 } else { power_heuristic(s.pdf_dir, pdf_bsdf) };
+            sum += f * s.weight * (mis * through.share);
+        });
+        sum
     }
 
     /// Weight of emission found by scattering, against the light sample that could have found it.
@@ -102,9 +107,29 @@ impl<'a> Path<'a> {
     }
 }
 
+/// What the camera sees through the middle of some pixels: points that are lit.
+fn probes(world: World) -> Vec<LitPoint> {
+    let scene = world.scene;
+    let [x, y, width, height] = scene.film.crop;
+    let side = if scene.lights.emitter_count() > MANY_LIGHTS { PROBES[0] } else { PROBES[1] };
+    let middle = |i: u32, n: u32| (i as f32 + 0.5) / side as f32 * n as f32;
+    let seen = |i: u32| {
+        let pixel = Vec2::new(x as f32 + middle(i % side, width), y as f32 + middle(i / side, height));
+        let CameraRay { o, d, tmin, tmax } = scene.camera.ray(pixel, Vec2::splat(0.5));
+        let ray = Ray { o, d, tmin, tmax };
+        let at = world.surface(&ray, &world.accel.closest(&ray)?);
+        Some(LitPoint { p: at.p, n: world.bsdf(&at, -d).upper_normal() })
+    };
+    (0..side * side).filter_map(seen).collect()
+}
+
 impl Integrator for Path<'_> {
     fn name(&self) -> &'static str {
         "path"
+    }
+
+    fn prepare(&mut self, pass: u64, _: &(dyn Fn() -> bool + Sync)) {
+        self.lights.set_pass(pass);
     }
 
     fn sample(&self, camera: &CameraRay, pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
@@ -120,8 +145,8 @@ impl Integrator for Path<'_> {
             let emitters_seen = depth > 0 || !self.settings.hide_emitters;
             let Some(hit) = accel.closest(&ray) else {
                 if emitters_seen {
-                    let weight =
-                        self.scattered_weight(&previous, |lit| self.lights.pdf_dir_environment(scene, lit, ray.d));
+                    let weight = self
+                        .scattered_weight(&previous, |lit| self.lights.pdf_dir_environment(&self.world, lit, ray.d));
                     radiance += throughput * scene.lights.environment(scene.textures(), ray.d) * weight;
                 }
                 break;
@@ -142,7 +167,8 @@ impl Integrator for Path<'_> {
             if scene.shapes[at.shape as usize].emission.is_some() {
                 let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
                 if emitted != Rgb::ZERO {
-                    let weight = self.scattered_weight(&previous, |lit| self.lights.pdf_dir_surface(scene, lit, &at));
+                    let weight =
+                        self.scattered_weight(&previous, |lit| self.lights.pdf_dir_surface(&self.world, lit, &at));
                     radiance += throughput * emitted * weight;
                 }
             }

@@ -18,7 +18,7 @@
 
 mod bounds;
 mod cut;
-mod node;
+pub(in crate::transport) mod node;
 #[cfg(test)]
 mod tests;
 
@@ -54,9 +54,9 @@ pub struct LitPoint {
 /// A tree over the lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct LightTree {
-    nodes: Vec<Node>,
+    pub(in crate::transport) nodes: Vec<Node>,
     /// Node and lane of each emitter that is in the tree.
-    leaf: Vec<Option<(u32, u8)>>,
+    pub(in crate::transport) leaf: Vec<Option<(u32, u8)>>,
     /// Lights at infinity.
     infinite: Vec<(Unit, Infinite)>,
     units: Vec<Unit>,
@@ -104,6 +104,12 @@ impl LightTree {
             tree.build(&mut finite, None);
         }
         tree
+    }
+
+    /// The same lights at infinity without any other.
+    pub fn at_infinity(&self) -> Self {
+        let units = self.infinite.iter().map(|i| i.0).collect();
+        LightTree { nodes: Vec::new(), leaf: vec![None; self.leaf.len()], infinite: self.infinite.clone(), units }
     }
 
     /// All lights that emit anything.

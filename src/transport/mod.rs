@@ -29,6 +29,8 @@ pub mod gather_ray;
 pub mod gather_sky;
 pub mod gather_strata;
 pub mod irradiance_cache;
+pub mod light_cull;
+pub mod light_selection;
 pub mod light_tree;
 pub mod nearest;
 pub mod obstacle;

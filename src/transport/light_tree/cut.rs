@@ -15,6 +15,8 @@ use arrayvec::ArrayVec;
 
 /// Nodes that are opened at most: bounds what a point costs in any tree.
 const MOST_OPENED: usize = 24;
+/// Distance, in radii of its bounding sphere, below which a node is opened.
+const NEAR: f32 = 1.0;
 
 /// A light, or a node that is drawn as a whole.
 #[derive(Clone, Copy, Debug)]
@@ -64,10 +66,11 @@ impl<'t> Cut<'t> {
         while let Some(&index) = self.opened.get(next) {
             next += 1;
             let node = &self.tree.nodes[index as usize];
-            let (importance, near) = node.importance_and_nearness(&self.at);
+            let (importance, distance2) = node.importance_and_distance2(&self.at);
             for (lane, &importance) in importance.iter().enumerate().filter(|(_, i)| **i > 0.0) {
+                let near = distance2[lane] < NEAR * NEAR * node.radius2[lane];
                 match node.children[lane] {
-                    Child::Node(inner) if near[lane] && self.opened.len() < MOST_OPENED => self.opened.push(inner),
+                    Child::Node(inner) if near && self.opened.len() < MOST_OPENED => self.opened.push(inner),
                     child => {
                         self.sum += importance;
                         self.entries.push(Entry { child, importance });

@@ -9,14 +9,12 @@ use super::bounds::Bounds;
 use crate::math::Vec3;
 
 /// Children of a node.
-pub(super) const WIDTH: usize = 8;
-/// Distance, in radii of its bounding sphere, below which the importance of a node says little.
-const NEAR: f32 = 1.0;
-type Lanes = [f32; WIDTH];
+pub(in crate::transport) const WIDTH: usize = 8;
+pub(in crate::transport) type Lanes = [f32; WIDTH];
 
 /// What a child is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Child {
+pub(in crate::transport) enum Child {
     Nothing,
     Node(u32),
     Emitter(u32),
@@ -24,17 +22,18 @@ pub(super) enum Child {
 
 /// Up to eight children; lanes without one have no strength.
 #[derive(Clone, Debug)]
-pub(super) struct Node {
+pub(in crate::transport) struct Node {
     centre: [Lanes; 3],
     half: [Lanes; 3],
     axis: [Lanes; 3],
     /// Squared radius of the bounding sphere.
-    radius2: Lanes,
+    pub radius2: Lanes,
     /// Of the cone of normals, a little larger against rounding.
     sin_normals: Lanes,
     cos_normals: Lanes,
     cos_emission: Lanes,
-    strength: Lanes,
+    /// Sum of largest intensities.
+    pub strength: Lanes,
     /// What the lanes stand for.
     pub children: [Child; WIDTH],
     /// The node above and the lane there.
@@ -60,7 +59,7 @@ impl Node {
     }
 
     /// Sets a lane.
-    pub fn set(&mut self, lane: usize, b: &Bounds, child: Child) {
+    pub(super) fn set(&mut self, lane: usize, b: &Bounds, child: Child) {
         let half = 0.5 * (b.hi - b.lo);
         for (k, (c, (h, a))) in
             b.centre().to_array().into_iter().zip(half.to_array().into_iter().zip(b.cone.axis.to_array())).enumerate()
@@ -79,21 +78,21 @@ impl Node {
     /// Importance of each child at a point, and their sum.
     #[inline]
     pub fn importance(&self, at: &LitPoint) -> (Lanes, f32) {
-        let (out, _) = self.importance_and_nearness(at);
+        let (out, _) = self.importance_and_distance2(at);
         (out, out.iter().sum())
     }
 
-    /// Importance of each child at a point, and whether the point is within [`NEAR`] times its bounding sphere.
+    /// Importance of each child at a point, and the squared distance of the middle of its box.
     #[inline]
-    pub fn importance_and_nearness(&self, at: &LitPoint) -> (Lanes, [bool; WIDTH]) {
+    pub fn importance_and_distance2(&self, at: &LitPoint) -> (Lanes, Lanes) {
         let (n, one_sided) = at.n.map_or((Vec3::ZERO, false), |n| (n, true));
-        let (mut out, mut near) = ([0.0; WIDTH], [false; WIDTH]);
-        for (k, (out, near)) in out.iter_mut().zip(&mut near).enumerate() {
+        let (mut out, mut distance2) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for (k, (out, distance2)) in out.iter_mut().zip(&mut distance2).enumerate() {
             let x = self.centre[0][k] - at.p.x;
             let y = self.centre[1][k] - at.p.y;
             let z = self.centre[2][k] - at.p.z;
             let true_d2 = x * x + y * y + z * z;
-            *near = true_d2 < NEAR * NEAR * self.radius2[k];
+            *distance2 = true_d2;
             let d2 = larger(larger(true_d2, self.radius2[k]), f32::MIN_POSITIVE);
             let inverse = 1.0 / d2.sqrt();
             // Angle under which the bounding sphere is seen, a little larger against rounding; inside of it every angle.
@@ -120,7 +119,12 @@ impl Node {
             let lit = (cos > self.cos_emission[k]) & (!one_sided | (reach > -rounding));
             *out = if lit { importance * tilt } else { 0.0 };
         }
-        (out, near)
+        (out, distance2)
+    }
+
+    /// Middle of a child's box.
+    pub fn centre(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.centre[0][lane], self.centre[1][lane], self.centre[2][lane])
     }
 }
 
