@@ -25,7 +25,7 @@ mod tests;
 
 pub use settings::{CullingSettings, Reservoir};
 
-use super::light_tree::node::{Child, WIDTH};
+use super::light_tree::node::{Child, Node, WIDTH};
 use super::light_tree::{LightTree, LitPoint};
 use crate::math::Sampler;
 use crate::math::sampler::{hash, refine, unit_f32};
@@ -163,36 +163,36 @@ impl<'a> LightCulling<'a> {
     fn walk(&self, index: u32, at: &LitPoint, visit: &mut impl FnMut(Met)) {
         let node = &self.tree.nodes[index as usize];
         let reach = &self.reach[index as usize];
-        let (importance, distance2) = node.importance_and_distance2(at);
+        let distance2 = node.distance2(at.p);
+        // What the bounds say costs more than the distance, and is asked of leaves alone.
+        let mut importance = None;
         for lane in 0..WIDTH {
-            if importance[lane] > 0.0 && distance2[lane] < reach[lane] * reach[lane] {
-                match node.children[lane] {
-                    Child::Emitter(emitter) => {
-                        let d2 = distance2[lane].max(node.radius2[lane]);
-                        visit(Met { emitter, weight: importance[lane] / self.survival(node.strength[lane], d2) });
+            if distance2[lane] >= reach[lane] * reach[lane] {
+                continue;
+            }
+            match node.children[lane] {
+                Child::Emitter(emitter) => {
+                    let importance = importance.get_or_insert_with(|| node.importance(at).0)[lane];
+                    if importance > 0.0 {
+                        visit(Met { emitter, weight: self.weight(node, lane, importance, distance2[lane]) });
                     }
-                    Child::Node(below) => self.walk(below, at, visit),
-                    Child::Nothing => {}
                 }
+                Child::Node(below) => self.walk(below, at, visit),
+                Child::Nothing => {}
             }
         }
+    }
+
+    /// Weight in a reservoir of a leaf of this importance.
+    fn weight(&self, node: &Node, lane: usize, importance: f32, distance2: f32) -> f32 {
+        importance / self.survival(node.strength[lane], distance2.max(node.radius2[lane]))
     }
 
     /// Weight in a reservoir of an emitter, whether it is met or not: 0 where its bounds send nothing.
     fn weight_at(&self, emitter: u32, at: &LitPoint) -> f32 {
         let Some((index, lane)) = self.tree.leaf[emitter as usize] else { return 0.0 };
-        let node = &self.tree.nodes[index as usize];
-        let (importance, distance2) = node.importance_and_distance2(at);
-        let (lane, mut above) = (lane as usize, node.parent);
-        // Bounds above are as strict or less but for rounding: what they leave out is never met.
-        while let Some((index, lane)) = above {
-            let node = &self.tree.nodes[index as usize];
-            if node.importance(at).0[lane as usize] <= 0.0 {
-                return 0.0;
-            }
-            above = node.parent;
-        }
-        importance[lane] / self.survival(node.strength[lane], distance2[lane].max(node.radius2[lane]))
+        let (node, lane) = (&self.tree.nodes[index as usize], lane as usize);
+        self.weight(node, lane, node.importance(at).0[lane], node.distance2(at.p)[lane])
     }
 
     /// The reservoir at a point, for one number in [0, 1) per light kept.

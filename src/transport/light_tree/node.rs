@@ -122,6 +122,15 @@ impl Node {
         (out, distance2)
     }
 
+    /// Squared distance of the middle of each child's box.
+    #[inline]
+    pub fn distance2(&self, p: Vec3) -> Lanes {
+        std::array::from_fn(|k| {
+            let (x, y, z) = (self.centre[0][k] - p.x, self.centre[1][k] - p.y, self.centre[2][k] - p.z);
+            x * x + y * y + z * z
+        })
+    }
+
     /// Middle of a child's box.
     pub fn centre(&self, lane: usize) -> Vec3 {
         Vec3::new(self.centre[0][lane], self.centre[1][lane], self.centre[2][lane])
