@@ -161,7 +161,7 @@ pub struct PathArgs {
     /// Light culling: bound of the standard deviation of one light, in units of radiance [default: by --culling-lights].
     #[arg(long, value_name = "RADIANCE", value_parser = options::radiance)]
     pub culling_error: Option<f64>,
-    /// Light culling: number of lights that survive on average [default: 32].
+    /// Light culling: number of lights that survive on average [default: 16].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub culling_lights: Option<u32>,
     /// Light culling: lights that are kept and get a shadow ray [default: 1].

@@ -7,7 +7,7 @@ use super::comparison::{Comparison, Summary};
 use super::curve::{Bound, Point, drawable};
 use super::picture::{Embedded, FalseColor, crops, density_map, error_map};
 use super::plot::{LogLog, Series};
-use super::table::{error, of_summaries};
+use super::table::{Table, error, of_summaries};
 use crate::image::diff;
 use crate::math::Rgb;
 use std::fmt::Write as _;
@@ -57,6 +57,31 @@ pub fn page(comparison: &Comparison, summaries: &[Summary]) -> String {
     s += &maps(c);
     let _ = write!(s, "{}<script>\n{}</script>\n</body>\n</html>\n", method(c), include_str!("page.js"));
     s
+}
+
+/// A page of tables and plots (SVG) with their titles.
+pub fn summary(title: &str, tables: &[(String, Table)], plots: &[(String, String)]) -> String {
+    let mut s = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>{0}</title>\n\
+         <style>\n{1}</style>\n</head>\n<body>\n<h1>{0}</h1>\n",
+        escape(title),
+        include_str!("page.css")
+    );
+    for (title, table) in tables {
+        s += &format!("<h2>{}</h2>\n<div class=\"scroll\">{}</div>\n", escape(title), table.html());
+    }
+    for pair in plots.chunks(2) {
+        s += "<div class=\"row\">\n";
+        for (title, svg) in pair {
+            s += &format!(
+                "<figure style=\"flex: 1 1 28rem\"><figcaption>{}</figcaption>{svg}</figure>\n",
+                escape(title)
+            );
+        }
+        s += "</div>\n";
+    }
+    s + "</body>\n</html>\n"
 }
 
 /// The reference and the first run of each configuration.

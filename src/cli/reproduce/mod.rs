@@ -4,8 +4,13 @@
 //! says and which of our numbers stand beside it. What cannot be run is said before anything is, and its figures are `null`.
 //!
 //! - [`namae_makino`]: adaptive photon mapping by automatic differentiation
+//! - [`tokuyoshi`]: stochastic light culling; its halls of lamps come from [`lamps`]
 
+mod lamps;
 mod namae_makino;
+mod saturation;
+mod scaling;
+mod tokuyoshi;
 
 use super::compare::budget::Budget;
 use super::compare::configuration::Config;
@@ -45,6 +50,9 @@ pub struct ReproduceArgs {
     /// Scale the image's size, and numbers of photons with its area.
     #[arg(long, value_parser = options::factor)]
     scale: Option<f64>,
+    /// Most lamps of the curve of costs (tokuyoshi).
+    #[arg(long, value_name = "N", default_value = "1M", value_parser = options::positive)]
+    most_lamps: u64,
     /// Write a report of each experiment to this folder.
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -64,6 +72,8 @@ pub struct ReproduceArgs {
 enum Paper {
     /// Namae & Makino: adaptive photon mapping by automatic differentiation.
     NamaeMakino,
+    /// Tokuyoshi & Harada: stochastic light culling.
+    Tokuyoshi,
 }
 
 /// One comparison of a paper.
@@ -112,6 +122,10 @@ struct Findings {
     doubts: Vec<&'static str>,
     /// Figures by name; `None` where they could not be had.
     figures: Vec<(&'static str, Option<f64>)>,
+    /// Measured curves by name, for JSON.
+    curves: Vec<(&'static str, Value)>,
+    /// Plots with their titles, as SVG.
+    plots: Vec<(String, String)>,
 }
 
 /// Runs the command.
@@ -122,8 +136,10 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Failure> {
         return Err(format!("{}: no such folder", folder.display()).into());
     }
     args.json.as_deref().map_or(Ok(()), atomic::check)?;
+    let scratch = tokuyoshi::Scratch::new();
     let (name, experiments) = match args.paper {
         Paper::NamaeMakino => ("namae-makino", namae_makino::experiments(args)?),
+        Paper::Tokuyoshi => ("tokuyoshi", tokuyoshi::experiments(args, &scratch)?),
     };
     let stop = session::stop_on_signals()?;
     let (ready, unavailable) = prepare(args, experiments);
@@ -142,12 +158,15 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     }
     let findings = match args.paper {
         Paper::NamaeMakino => namae_makino::findings(&outcomes),
+        Paper::Tokuyoshi => tokuyoshi::findings(&outcomes, args, &scratch)?,
     };
     if let Some(folder) = &args.output {
         for o in &outcomes.0 {
             let path = folder.join(format!("{name}-{}.html", o.name));
             atomic::write_file(&path, html::page(&o.comparison, &o.summaries).as_bytes())?;
         }
+        let path = folder.join(format!("{name}.html"));
+        atomic::write_file(&path, html::summary(name, &findings.tables, &findings.plots).as_bytes())?;
     }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&to_json(name, &findings, &outcomes, &unavailable))? + "\n";
@@ -237,6 +256,9 @@ fn to_json(
     for (name, value) in &findings.figures {
         out.insert((*name).into(), json!(value));
     }
+    for (name, curve) in &findings.curves {
+        out.insert((*name).into(), curve.clone());
+    }
     let tables = findings.tables.iter().map(|(title, t)| json!({"title": title, "header": t.header, "rows": t.rows}));
     out.insert("tables".into(), tables.collect());
     out.insert("doubtful_in_the_paper".into(), json!(findings.doubts));
@@ -308,11 +330,14 @@ mod tests {
             tables: vec![("Title".into(), Table { header: vec!["x".into()], rows: vec![] })],
             doubts: vec!["a slip"],
             figures: vec![("known_figure", Some(2.0)), ("unknown_figure", None)],
+            curves: vec![("curve", json!([1, 2]))],
+            plots: Vec::new(),
         };
         let said = text(&findings);
         assert!(said.contains("a slip") && said.contains("unknown_figure: not available"), "{said}");
         let json = to_json("paper", &findings, &outcomes, &unavailable);
         assert_eq!((&json["known_figure"], &json["unknown_figure"]), (&json!(2.0), &Value::Null));
+        assert_eq!(json["curve"], json!([1, 2]));
         assert_eq!(json["experiments"]["known"]["configurations"].as_array().unwrap().len(), 2);
         assert!(json["unavailable"]["unknown"].as_str().unwrap().contains("--no-such-flag"));
     }

@@ -178,7 +178,7 @@ pub fn findings(outcomes: &Outcomes) -> Findings {
             tables.push((title.to_string(), error_table(outcomes.all(experiment))));
         }
     }
-    Findings { tables, doubts: DOUBTS.to_vec(), figures }
+    Findings { tables, doubts: DOUBTS.to_vec(), figures, curves: Vec::new(), plots: Vec::new() }
 }
 
 /// Points with many light samples, of all samples: one per pixel where antialiasing is off.

@@ -19,7 +19,7 @@ pub struct CullingSettings {
 
 impl Default for CullingSettings {
     fn default() -> Self {
-        CullingSettings { error: None, lights: 32.0, kept: 1, reservoir: Reservoir::Weighted }
+        CullingSettings { error: None, lights: 16.0, kept: 1, reservoir: Reservoir::Weighted }
     }
 }
 
