@@ -1,24 +1,30 @@
 //! Chains through mirrors and glass: what a footprint sees by reflection and refraction.
 //!
 //! The centre ray is traced; at each smooth surface the duals of all N parameters flow through hit point, normal (interpolated, on
-//! smooth meshes) and direction, and every new segment gets its own walk with the widened, transported rays
-//! ([`EdgeDetector::predict`]). Dielectrics branch; [`MOST_SEGMENTS`] limits the tree. Total internal reflection is an event where its margin
-//! may vanish. Source: Igehy 1999; METHODS 3.B.
-//! Predictions, since the origin moves: not exact. Not handled: coats of plastics, rough surfaces, bump maps.
+//! smooth meshes) and direction, and every new segment gets its own walk. Dielectrics branch; [`MOST_SEGMENTS`] limits the tree. Total
+//! internal reflection is an event where its margin may vanish. Source: Igehy 1999; METHODS 3.B.
+//!
+//! A plane mirror keeps a family with one origin (or direction) one: its image. So do panes. Behind them the segment is an exact
+//! [`View`] that starts at their plane, as long as no curved surface has been met. Other segments are predictions, to the detector's
+//! order of expansions: their origins move over the surface ([`EdgeDetector::predict`]). What the order leaves out is allowed for by an
+//! enlarged footprint.
+//! Not handled: coats of plastics, rough surfaces, bump maps.
 
+use super::confirmed::Question;
 use super::kinds::{Events, Kinds, Verdict};
-use super::predicted::D1;
-use super::view::{from_dual, to_dual};
+use super::predicted::{D1, D2N};
+use super::view::{View, from_dual, to_dual};
 use super::{EdgeDetector, Facet, NOTHING, surface};
 use crate::accel::{Hit, Ray as PlainRay};
 use crate::scene::shape::ShapeHit;
 use crate::scene::{Geometry, Material, SurfacePoint};
-use dualux_dual::{Jet, Ray, Vec3, bounds, face_against, reflect, refract};
+use dualux_dual::{Family, Jet, Ray, Vec3, bounds, face_against, reflect, refract};
 
 /// Segments followed behind a pixel, at most.
 pub const MOST_SEGMENTS: usize = 8;
 
-/// By how much footprints are enlarged behind curved surfaces: curvature is not in the first order.
+/// By how much footprints are enlarged behind curved surfaces: with expansions of first order, which know no curvature, and where
+/// normals are interpolated, since derivatives jump from facet to facet.
 const CURVED: f64 = 1.25;
 
 /// How a smooth surface sends rays on.
@@ -30,90 +36,165 @@ pub(super) enum Optics {
 }
 
 /// A segment still to be looked along.
-struct Segment<const N: usize> {
-    ray: Ray<D1<N>>,
-    t: [f64; 2],
+struct Segment<J> {
+    ray: Ray<J>,
+    /// Ray parameter of its start: 0 unless the origin is an image.
+    start: f64,
     /// How it got there.
     seen: Kinds,
-    from: Option<SurfacePoint>,
+    from: SurfacePoint,
     /// By how much its footprint is enlarged.
     grow: f64,
+    /// Whether all rays have one origin or one direction.
+    exact: bool,
+}
+
+/// Whether a surface turns rays of all places alike.
+fn is_flat(geometry: &Geometry) -> bool {
+    match geometry {
+        Geometry::Rectangle(_) | Geometry::Disk(_) => true,
+        Geometry::Mesh(mesh) => mesh.normals.is_empty(),
+        Geometry::Sphere(_) | Geometry::Cylinder(_) => false,
+    }
+}
+
+/// What expansions of second order leave out, as a fraction of the first: guessed from the ratio of the first two, as in a geometric
+/// series. 0 for duals of first order.
+fn third<J: Jet<N, Primitive = f64>, const N: usize>(ray: &Ray<J>) -> f64 {
+    let ratio = |v: Vec3<J>| {
+        let first: f64 = (0..N).map(|k| v.partial(k).norm2().sqrt()).sum();
+        let [x, y, z] = v.map(|c| c.hessian()).to_array();
+        let twice = |i: usize, j: usize| (x[i][j] * x[i][j] + y[i][j] * y[i][j] + z[i][j] * z[i][j]).sqrt();
+        let second: f64 = (0..N).map(|i| (0..N).map(|j| twice(i, j)).sum::<f64>()).sum();
+        if second > 0.0 { 0.5 * second / first } else { 0.0 }
+    };
+    ratio(ray.o).max(ratio(ray.d)).powi(2)
 }
 
 impl EdgeDetector<'_> {
-    /// Whether a surface turns rays of all places alike.
-    fn is_flat(&self, at: &SurfacePoint) -> bool {
-        match &self.scene.shapes[at.shape as usize].geometry {
-            Geometry::Rectangle(_) | Geometry::Disk(_) => true,
-            Geometry::Mesh(mesh) => mesh.normals.is_empty(),
-            Geometry::Sphere(_) | Geometry::Cylinder(_) => false,
+    /// Events seen through specular chains that start with the given rays; their kinds hold `MIRRORED` or `REFRACTED`.
+    /// Nothing if the first surface is not smooth.
+    pub fn chain<const N: usize>(&self, first: &Family<f64, N>, t: [f64; 2]) -> Events {
+        match self.settings.order {
+            0 | 1 => self.chain_of::<D1<N>, N>(first, t),
+            _ => self.chain_of::<D2N<N>, N>(first, t),
         }
     }
 
-    /// Events seen through specular chains that start with the given rays; their kinds hold `MIRRORED` or `REFRACTED`.
-    /// Nothing if the first surface is not smooth.
-    pub fn chain<const N: usize>(&self, first: &Ray<D1<N>>, t: [f64; 2]) -> Events {
+    fn chain_of<J: Jet<N, Primitive = f64>, const N: usize>(&self, first: &Family<f64, N>, t: [f64; 2]) -> Events {
         let mut found = NOTHING;
-        let mut todo = arrayvec::ArrayVec::<Segment<N>, MOST_SEGMENTS>::new();
-        todo.push(Segment { ray: *first, t, seen: Kinds::NONE, from: None, grow: 1.0 });
+        let [o, d] = [first.o, first.d].map(|v| from_dual(v).as_vec3());
+        let (Some((t, at)), ray) =
+            (self.meet(&PlainRay { o, d, tmin: t[0] as f32, tmax: t[1] as f32 }), first.ray::<J>())
+        else {
+            return found;
+        };
+        let exact = N == 2 && (first.has_fixed_origin() || first.d_p.iter().all(|v| *v == Vec3::zero()));
+        let mut todo = arrayvec::ArrayVec::<Segment<J>, MOST_SEGMENTS>::new();
+        let start = Segment { ray, start: 0.0, seen: Kinds::NONE, from: at, grow: 1.0, exact };
         let mut segments = 0;
-        while let Some(Segment { ray, t, seen, from, grow }) = todo.pop() {
-            let hit = self.meet(&ray, t, from.as_ref());
-            if let Some(at) = &from {
-                segments += 1;
-                let front = hit.as_ref().map(|(t, at)| (at.shape, *t));
-                let facet = Facet { shape: at.shape, prim: at.prim };
-                let verdict = self.predict_in(&ray, t, Some(facet), front, false, grow);
-                if verdict != Verdict::Clear {
-                    found.kinds |= verdict.kinds() | seen;
-                    found.distance = found.distance.min(verdict.distance());
-                }
+        self.branch(&start, &at, t, segments, &mut todo, &mut found);
+        while let Some(segment) = todo.pop() {
+            segments += 1;
+            let d = from_dual(segment.ray.d.re()).as_vec3();
+            let o = segment.from.spawn_origin(d);
+            let hit = self.meet(&PlainRay { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY });
+            let verdict = self.along(&segment, hit.as_ref().map(|(t, at)| (at.shape, *t)));
+            if verdict != Verdict::Clear {
+                found.kinds |= verdict.kinds() | segment.seen;
+                found.distance = found.distance.min(verdict.distance());
             }
-            let Some((_, at)) = hit else { continue };
-            let Some((optics, p, n)) = self.surface(&ray, &at) else { continue };
-            let n = face_against(n, ray.d);
-            let outside = from_dual(ray.d.re()).dot(at.n_geo.as_dvec3()) < 0.0;
-            let grow = if self.is_flat(&at) { grow } else { CURVED };
-            let mut go = |d: Vec3<D1<N>>, kind: Kinds| {
-                if segments + todo.len() < MOST_SEGMENTS {
-                    let (ray, t) = (Ray::new(p, d), [0.0, f64::INFINITY]);
-                    let _ = todo.try_push(Segment { ray, t, seen: seen | kind, from: Some(at), grow });
-                }
-            };
-            match optics {
-                Optics::Mirror => go(reflect(ray.d, n), Kinds::MIRRORED),
-                Optics::Pane => {
-                    go(reflect(ray.d, n), Kinds::MIRRORED);
-                    go(ray.d, Kinds::REFRACTED);
-                }
-                Optics::Glass(eta) => {
-                    let bent = refract(ray.d, n, if outside { 1.0 / eta } else { eta });
-                    let margin = bent.margin.expansion();
-                    if bounds(&margin) {
-                        found.kinds |= Kinds::TOTAL_REFLECTION;
-                        found.distance = found.distance.min(margin.distance());
-                    }
-                    go(reflect(ray.d, n), Kinds::MIRRORED);
-                    if let Some(d) = bent.direction {
-                        go(d, Kinds::REFRACTED);
-                    }
-                }
+            if let Some((t, at)) = hit {
+                self.branch(&segment, &at, segment.start + t, segments, &mut todo, &mut found);
             }
         }
         found
     }
 
-    /// What the centre ray meets: parameter and point.
-    fn meet<const N: usize>(
+    /// What a segment sees; `front`: what its centre ray meets.
+    fn along<J: Jet<N, Primitive = f64>, const N: usize>(
         &self,
-        ray: &Ray<D1<N>>,
-        t: [f64; 2],
-        from: Option<&SurfacePoint>,
-    ) -> Option<(f64, SurfacePoint)> {
-        let (o, d) = (from_dual(ray.o.re()).as_vec3(), from_dual(ray.d.re()).as_vec3());
-        let (o, tmin) = from.map_or((o, t[0] as f32), |at| (at.spawn_origin(d), f32::MIN_POSITIVE));
-        let Hit { t, u, v, shape, prim } = self.accel.closest(&PlainRay { o, d, tmin, tmax: t[1] as f32 })?;
-        let at = self.scene.shapes[shape as usize].surface_point(shape, prim, o, d, ShapeHit { t, u, v });
+        segment: &Segment<J>,
+        front: Option<(u32, f64)>,
+    ) -> Verdict {
+        let (ray, at) = (&segment.ray, &segment.from);
+        let exclude = Facet { shape: at.shape, prim: at.prim };
+        let t = [0.0, f64::INFINITY];
+        if segment.exact {
+            let [o_p, d_p] = [ray.o, ray.d].map(|v| [0, 1].map(|k| v.partial(k)));
+            let family = Family::new(ray.o.re(), o_p, ray.d.re(), d_p);
+            let plane = (at.p.as_dvec3(), at.n_geo.as_dvec3());
+            if let Some(view) = View::new(family, t).and_then(|view| view.beyond(plane.0, plane.1)) {
+                return self.all(&view, Some(exclude));
+            }
+        }
+        // Only rays that come back to where they start: other surfaces may end, or bend, within the footprint.
+        let third = third::<J, N>(ray);
+        let own = || front.filter(|f| f.0 == at.shape);
+        self.predict_in(ray, Question { t, exclude, round: false, grow: segment.grow + third, all: true }, own)
+    }
+
+    /// The segments that a smooth surface sends on, met at `at` and parameter `t`.
+    fn branch<J: Jet<N, Primitive = f64>, const N: usize>(
+        &self,
+        segment: &Segment<J>,
+        at: &SurfacePoint,
+        t: f64,
+        segments: usize,
+        todo: &mut arrayvec::ArrayVec<Segment<J>, MOST_SEGMENTS>,
+        found: &mut Events,
+    ) {
+        let shape = &self.scene.shapes[at.shape as usize];
+        let ray = &segment.ray;
+        let outside = from_dual(ray.d.re()).dot(at.n_geo.as_dvec3()) < 0.0;
+        let Some(optics) = self.optics(shape.material as usize, outside) else { return };
+        let (p, n) = surface::meet(shape, ray, at);
+        let n = face_against(n, ray.d);
+        let flat = is_flat(&shape.geometry);
+        let smooth = matches!(shape.geometry, Geometry::Mesh(_));
+        let grow = if !flat && (J::NDERIV < 2 || smooth) { CURVED } else { segment.grow };
+        let mut go = |o: Vec3<J>, d: Vec3<J>, start: f64, kind: Kinds| {
+            if segments + todo.len() < MOST_SEGMENTS {
+                let ray = Ray::new(o, d);
+                let exact = start > 0.0;
+                let _ = todo.try_push(Segment { ray, start, seen: segment.seen | kind, from: *at, grow, exact });
+            }
+        };
+        // The image of the origin, in the plane through the hit point.
+        let image = || ray.o - n * (n.dot(ray.o - Vec3::lift(p.re())) * 2.0);
+        let straight = flat && segment.exact;
+        let mut mirror = || match straight {
+            true => go(image(), reflect(ray.d, n), t, Kinds::MIRRORED),
+            false => go(p, reflect(ray.d, n), 0.0, Kinds::MIRRORED),
+        };
+        match optics {
+            Optics::Mirror => mirror(),
+            Optics::Pane => {
+                mirror();
+                match straight {
+                    true => go(ray.o, ray.d, t, Kinds::REFRACTED),
+                    false => go(p, ray.d, 0.0, Kinds::REFRACTED),
+                }
+            }
+            Optics::Glass(eta) => {
+                let bent = refract(ray.d, n, if outside { 1.0 / eta } else { eta });
+                let margin = bent.margin.expansion();
+                if bounds(&margin) {
+                    found.kinds |= Kinds::TOTAL_REFLECTION;
+                    found.distance = found.distance.min(margin.distance());
+                }
+                mirror();
+                if let Some(d) = bent.direction {
+                    go(p, d, 0.0, Kinds::REFRACTED);
+                }
+            }
+        }
+    }
+
+    /// What a ray meets: parameter and point.
+    fn meet(&self, ray: &PlainRay) -> Option<(f64, SurfacePoint)> {
+        let Hit { t, u, v, shape, prim } = self.accel.closest(ray)?;
+        let at = self.scene.shapes[shape as usize].surface_point(shape, prim, ray.o, ray.d, ShapeHit { t, u, v });
         Some((f64::from(t), at))
     }
 
@@ -159,19 +240,6 @@ impl EdgeDetector<'_> {
             }
         }
         seen
-    }
-
-    /// Optics, hit point and unit normal of a smooth surface, with derivatives, on the known primitive.
-    fn surface<const N: usize>(
-        &self,
-        ray: &Ray<D1<N>>,
-        at: &SurfacePoint,
-    ) -> Option<(Optics, Vec3<D1<N>>, Vec3<D1<N>>)> {
-        let shape = &self.scene.shapes[at.shape as usize];
-        let outside = from_dual(ray.d.re()).dot(at.n_geo.as_dvec3()) < 0.0;
-        let optics = self.optics(shape.material as usize, outside)?;
-        let (p, n) = surface::meet(shape, ray, at);
-        Some((optics, p, n))
     }
 
     pub(super) fn optics(&self, material: usize, outside: bool) -> Option<Optics> {

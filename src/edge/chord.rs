@@ -62,7 +62,10 @@ pub fn clip(view: &View, a: &Point, b: &Point) -> Option<Chord> {
         keep(f(a), f(b), &mut s);
     }
     let [near, far] = view.keys;
-    if near.is_finite() {
+    if let Some(near) = &view.near {
+        let beyond = |q: &Point| q[3] - (near[0] * q[0] + near[1] * q[1] + near[2] * q[2]);
+        keep(beyond(a), beyond(b), &mut s);
+    } else if near.is_finite() {
         keep(a[3] - near * a[0], b[3] - near * b[0], &mut s);
     }
     if far.is_finite() {

@@ -172,7 +172,7 @@ impl Curved {
     /// Ray parameter at which the ray at p meets the surface, within the rays' range.
     pub fn hit(&self, view: &View, p: [f64; 2]) -> Option<f64> {
         let ray = view.ray_at(p);
-        let [near, far] = view.t;
+        let (near, far) = (view.start(p), view.t[1]);
         match &self.surface {
             Surface::Sphere(s) => s.hit(&ray, near, far).map(|(t, _)| t),
             Surface::Disk(e) => {

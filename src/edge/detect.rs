@@ -124,6 +124,10 @@ impl<'a> Detection<'a> {
             } else {
                 let behind = |k: usize| chord.key[k] - tolerance - keys[k];
                 keep(behind(0), behind(1), &mut s);
+                if let Some(start) = &view.near {
+                    let before = |k: usize| keys[k] - at(start, chord.p[k]);
+                    keep(before(0), before(1), &mut s);
+                }
             }
             for side in polygon.sides() {
                 if s[0] >= s[1] {
@@ -253,7 +257,7 @@ impl<'a> Detection<'a> {
 
     fn curved_borders(&mut self) -> bool {
         let alone = self.surfaces.polygons.is_empty() && self.surfaces.curved.len() == 1;
-        let endless = self.view.t[1] == f64::INFINITY || self.mode == Mode::Sight;
+        let endless = (self.view.t[1] == f64::INFINITY || self.mode == Mode::Sight) && self.view.near.is_none();
         for i in 0..self.surfaces.curved.len() {
             for b in 0..self.surfaces.curved[i].borders.len() {
                 let (kind, border) = self.surfaces.curved[i].borders[b];

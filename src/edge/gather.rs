@@ -193,7 +193,8 @@ impl Visitor for Surfaces<'_> {
         };
         // Convex in (p, key): the farthest point of its front is at a corner.
         let far = |c: &Curved| CORNERS.iter().filter_map(|p| c.hit(self.view, *p)).fold(0.0, f64::max);
-        if curved.covers && self.covered_at(shape, far(&curved)).is_break() {
+        let whole = curved.covers && self.view.near.is_none();
+        if whole && self.covered_at(shape, far(&curved)).is_break() {
             return ControlFlow::Break(());
         }
         self.curved.push(curved);

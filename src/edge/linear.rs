@@ -1,24 +1,29 @@
-//! Affine functions of a footprint's parameters: their ranges over it, and their zeros.
+//! Functions of a footprint's parameters, affine up to a bounded rest: their ranges over it, and their zeros.
+//!
+//! The rest bounds the part of second order, `sum |h_ij| / 2`; it is 0 where the expansion stops at the first order.
 
 use dualux_dual::Expansion;
 
-/// An affine function of the parameters.
+/// An affine function of the parameters, but for `rest`.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<const N: usize> {
     /// At the centre.
     pub value: f64,
     /// By each parameter.
     pub gradient: [f64; N],
+    /// By how much it may differ from that anywhere in the footprint.
+    pub rest: f64,
 }
 
 impl<const N: usize> From<Expansion<f64, N>> for Linear<N> {
     fn from(e: Expansion<f64, N>) -> Self {
-        Linear { value: e.value, gradient: e.gradient }
+        let rest = e.hessian.iter().flatten().fold(0.0, |s: f64, h| s + h.abs());
+        Linear { value: e.value, gradient: e.gradient, rest: 0.5 * rest }
     }
 }
 
 impl<const N: usize> Linear<N> {
-    /// At p.
+    /// At p, without the rest.
     pub fn at(&self, p: &[f64; N]) -> f64 {
         self.gradient.iter().zip(p).fold(self.value, |s, (g, p)| s + g * p)
     }
@@ -28,7 +33,7 @@ impl<const N: usize> Linear<N> {
     pub fn reach(&self, round: bool) -> f64 {
         let [square, disk] = if round { [N - 2, N] } else { [N, N] };
         let sum: f64 = self.gradient[..square].iter().map(|g| g.abs()).sum();
-        sum + self.gradient[square..disk].iter().map(|g| g * g).sum::<f64>().sqrt()
+        sum + self.gradient[square..disk].iter().map(|g| g * g).sum::<f64>().sqrt() + self.rest
     }
 
     /// Whether it can vanish, or is not finite.
@@ -43,7 +48,8 @@ impl<const N: usize> Linear<N> {
         if g2 > 0.0 { self.value.abs() / g2.sqrt() } else { f64::INFINITY }
     }
 
-    /// Parameters at which it vanishes, with those of `fixed` given; the others no larger than need be, `None` if larger than 1.
+    /// Parameters at which its affine part vanishes, with those of `fixed` given; the others no larger than need be, `None` if larger
+    /// than 1, or where even the rest cannot make up for it.
     pub fn root(&self, fixed: &[Option<f64>; N]) -> Option<[f64; N]> {
         let (mut rest, mut reach) = (self.value, 0.0);
         for k in 0..N {
@@ -53,6 +59,7 @@ impl<const N: usize> Linear<N> {
             }
         }
         let s = -rest / reach;
-        (s.abs() <= 1.0).then(|| std::array::from_fn(|k| fixed[k].unwrap_or(s * self.gradient[k].signum())))
+        let near = s.abs() <= 1.0 || rest.abs() <= reach + self.rest;
+        near.then(|| std::array::from_fn(|k| fixed[k].unwrap_or(s.clamp(-1.0, 1.0) * self.gradient[k].signum())))
     }
 }

@@ -1,10 +1,11 @@
 //! Edge maps: one footprint per pixel.
 
+use super::confirmed::Question;
 use super::kinds::{Events, Kinds, LightVerdict, Verdict};
 use super::light::Receiver;
 use super::pixel::{self, PixelFamily};
 use super::predicted::D1;
-use super::{EdgeDetector, NOTHING};
+use super::{EdgeDetector, Facet, NOTHING};
 use crate::accel::{Hit, Ray};
 use crate::math::Vec2;
 use crate::scene::shape::ShapeHit;
@@ -45,7 +46,8 @@ impl EdgeDetector<'_> {
                 }
             }
             Some(PixelFamily::Lens(family, t)) => {
-                self.predict_in(&family.ray(), t, None, self.first(&family, t), true, 1.0)
+                let question = Question { t, exclude: Facet::NONE, round: true, grow: 1.0, all };
+                self.predict_in(&family.ray::<D1<4>>(), question, || self.first(&family, t))
             }
             None => Verdict::Unknown(NOTHING),
         }
@@ -66,8 +68,8 @@ impl EdgeDetector<'_> {
     /// The same for a rectangle of the film.
     pub fn film_patch_chain(&self, centre: [f64; 2], half: [f64; 2]) -> Events {
         match pixel::family(&self.scene.camera, centre, half) {
-            Some(PixelFamily::Exact(view)) => self.chain(&view.family.ray::<D1<2>>(), view.t),
-            Some(PixelFamily::Lens(family, t)) => self.chain(&family.ray::<D1<4>>(), t),
+            Some(PixelFamily::Exact(view)) => self.chain(&view.family, view.t),
+            Some(PixelFamily::Lens(family, t)) => self.chain(&family, t),
             None => NOTHING,
         }
     }

@@ -9,7 +9,7 @@
 //! * `gather`, `polygon`, `curved`, `outline`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
 //! * [`detector`], `detect`, `swaps`: `any` and `all` queries; [`kinds`]: what they answer
 //! * [`mod@highlight`]: where a light leaves a glossy lobe
-//! * [`predicted`], [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
+//! * [`predicted`], `confirmed`, [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
 //! * [`oracle`], [`score`]: brute force, and the detector held against it
 //! * [`mod@map`], [`unrolled`]: maps of pixels, of a light, of emission
 //!
@@ -18,6 +18,7 @@
 //! Not handled: caustic folds, depth swaps of a mesh with itself at a shared corner.
 pub mod chain;
 pub mod chord;
+mod confirmed;
 mod curved;
 mod detect;
 pub mod detector;

@@ -16,6 +16,9 @@ pub fn corners(r: &Rectangle) -> [DVec3; 4] {
     [c - x - y, c + x - y, c + x + y, c - x + y]
 }
 
+/// Relative difference of depth keys below which a surface lies in a mirror's plane.
+const TOUCH: f64 = 2e-6;
+
 /// A polygon that reaches the footprint.
 #[derive(Clone, Copy, Debug)]
 pub struct Polygon {
@@ -79,6 +82,14 @@ impl Polygon {
         let (nearest, farthest) = range(&key);
         if nearest > view.keys[1] || farthest < view.keys[0] {
             return None;
+        }
+        if let Some(near) = &view.near {
+            let (lo, hi) = range(&[0, 1, 2].map(|k| key[k] - near[k]));
+            // What lies in the mirror's plane is not before it.
+            if hi <= TOUCH * near[0].abs() {
+                return None;
+            }
+            covers &= lo >= 0.0;
         }
         Some(Polygon { shape, prim, covers, crossing, len: N as u8, corners, sides, key })
     }

@@ -1,83 +1,185 @@
 //! Footprints whose origin moves: lenses, emission from a patch, chains through mirrors and glass.
 //!
-//! The rays are duals in N parameters; margins are their first-order expansions, hence predictions. Of a line a-b the margin is the
-//! Pluecker product `det[a-o, b-o, d] = d.(a x b) + (o x d).(b-a)`, linear in the ray's six coordinates (d, o x d), so that their
-//! derivatives, taken once, serve all lines. An edge counts if its margin can vanish while the foot of the ray on the edge can lie
+//! The rays are duals in N parameters, of first or second order; margins are their expansions, hence predictions. Of a line a-b the
+//! margin is the Pluecker product `det[a-o, b-o, d] = d.(a x b) + (o x d).(b-a)`, linear in the ray's six coordinates (d, o x d), so that
+//! their derivatives, taken once, serve all lines. An edge counts if its margin can vanish while the foot of the ray on the edge can lie
 //! between a and b and in front, all three asked of their ranges over the parameters: `[-1,1]`^N, or the unit disk in the last two
 //! (a lens). Whether a mesh edge is a silhouette is asked for the whole range of origins (`may_be_silhouette`). A sphere counts if
-//! `|m x d|`, whose vector is affine to first order, can be as large as R |d|. Rims are polygons of `RIM` sides.
+//! `|m x d|`, whose vector is expanded, can be as large as R |d|. Rims are polygons of `RIM` sides.
+//! With duals of second order what lies beyond the first is a bound first (`Linear::rest`), and for lines that pass it the exact
+//! range of the quadratic margin.
 //!
-//! Hidden: what lies behind a flat surface that covers the footprint, or behind the surface that the centre ray meets if that has no
-//! edge here; what is left is looked at with real rays of the family at points where the margin vanishes, and dropped if
-//! all of them meet something nearer.
+//! Hidden edges are sorted out afterwards (`confirmed`).
 //! Not handled: depth swaps; silhouettes of cylinders move with the origin to zeroth order only.
 
-use super::kinds::{Events, Kinds, Verdict};
+use super::Facet;
+use super::kinds::Kinds;
 use super::linear::Linear;
 use super::view::{from_dual, to_dual};
-use super::{EdgeDetector, Facet, NOTHING};
 use crate::accel::footprint::{Beam, Visitor};
-use crate::accel::{Hit, Ray as PlainRay};
 use crate::math::{DVec3, Vec3 as Vec3f};
 use crate::scene::mesh::EdgeClass;
 use crate::scene::{Geometry, Scene};
 use arrayvec::ArrayVec;
-use dualux_dual::num_dual::DualNum as _;
-use dualux_dual::{Cylinder, Family, Jet, Ray, Vec3, margins, num_dual::DualSVec64};
+use dualux_dual::{
+    Cylinder, Expansion, Jet, Plane, Ray, Vec3, bounds, margins,
+    num_dual::{Dual2SVec64, DualSVec64},
+};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
-/// Numbers of a prediction.
+/// Numbers of a prediction of first order.
 pub type D1<const N: usize> = DualSVec64<N>;
+/// Numbers of a prediction of second order.
+pub type D2N<const N: usize> = Dual2SVec64<N>;
 
 /// Most edges kept.
 const MOST: usize = 48;
 /// Sides of a rim.
 const RIM: usize = 32;
-/// Factor of distance by which an edge is clearly behind a curved surface.
-const BEHIND: f64 = 1.05;
 
 /// A predicted edge.
 #[derive(Clone, Copy, Debug)]
-struct Edge<const N: usize> {
-    kind: Kinds,
-    shape: u32,
-    margin: Linear<N>,
+pub(super) struct Edge<const N: usize> {
+    pub kind: Kinds,
+    pub shape: u32,
+    pub margin: Linear<N>,
+    /// Second derivatives of the margin.
+    pub bend: [[f64; N]; N],
     /// Where on the edge, 0 at its start and 1 at its end; nothing for spheres.
-    s: Option<Linear<N>>,
+    pub s: Option<Linear<N>>,
     /// Ray parameter.
-    t: Linear<N>,
+    pub t: Linear<N>,
     /// Smallest value of the ray parameter.
-    near: f64,
+    pub near: f64,
+}
+
+/// A vector with its derivatives.
+pub(super) struct Bundle<const N: usize> {
+    pub value: DVec3,
+    pub by: [DVec3; N],
+    /// Second derivatives; zero for duals of first order.
+    pub twice: [[DVec3; N]; N],
+    /// Bound, by component, of the part of second order.
+    pub rest: DVec3,
+}
+
+impl<const N: usize> Bundle<N> {
+    /// `grow`: by how much the footprint is enlarged.
+    #[inline(always)]
+    fn new<J: Jet<N, Primitive = f64>>(v: Vec3<J>, grow: f64) -> Self {
+        let by = std::array::from_fn(|k| from_dual(v.partial(k)) * grow);
+        let mut twice = [[DVec3::ZERO; N]; N];
+        if J::NDERIV >= 2 {
+            let [x, y, z] = v.map(|c| c.hessian()).to_array();
+            twice =
+                std::array::from_fn(|i| std::array::from_fn(|j| DVec3::new(x[i][j], y[i][j], z[i][j]) * (grow * grow)));
+        }
+        Bundle { value: from_dual(v.re()), by, twice, rest: DVec3::ZERO }.bounded()
+    }
+
+    fn bounded(mut self) -> Self {
+        self.rest = 0.5 * self.twice.iter().flatten().fold(DVec3::ZERO, |s, v| s + v.abs());
+        self
+    }
+
+    /// At p.
+    pub fn at(&self, p: &[f64; N]) -> DVec3 {
+        let mut v = self.value;
+        for i in 0..N {
+            v += self.by[i] * p[i];
+            for j in 0..N {
+                v += self.twice[i][j] * (0.5 * p[i] * p[j]);
+            }
+        }
+        v
+    }
+
+    /// The box of its values, rounded outwards.
+    fn spread(&self) -> [Vec3f; 2] {
+        let reach = self.by.iter().fold(self.rest, |r, g| r + g.abs());
+        let bound = |x: DVec3, to: fn(f32) -> f32| {
+            let x = x.as_vec3();
+            Vec3f::new(to(x.x), to(x.y), to(x.z))
+        };
+        [bound(self.value - reach, f32::next_down), bound(self.value + reach, f32::next_up)]
+    }
 }
 
 /// Collects predicted edges.
-struct Predictor<'a, const N: usize> {
+pub(super) struct Predictor<'a, J, const N: usize> {
     scene: &'a Scene,
-    ray: Ray<D1<N>>,
-    o: DVec3,
-    d: DVec3,
-    o_p: [DVec3; N],
-    d_p: [DVec3; N],
+    ray: Ray<J>,
+    grow: f64,
+    pub o: Bundle<N>,
+    pub d: Bundle<N>,
     /// Derivatives of o x d, seen from the centre ray's origin.
-    q_p: [DVec3; N],
-    round: bool,
-    exclude: Facet,
+    q: Bundle<N>,
+    pub round: bool,
+    pub exclude: Facet,
     limit: f32,
-    edges: ArrayVec<Edge<N>, MOST>,
+    pub edges: ArrayVec<Edge<N>, MOST>,
     rectangles: ArrayVec<u32, 8>,
     /// Farthest t of surfaces that cover the footprint.
-    cover: f64,
-    trouble: Kinds,
+    pub cover: f64,
+    pub trouble: Kinds,
 }
 
-impl<const N: usize> Predictor<'_, N> {
+impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
+    /// Nothing found yet. `round`: the last two of the parameters fill the unit disk; `grow`: by how much the footprint is enlarged.
+    #[inline(always)]
+    pub fn new(scene: &'a Scene, ray: &Ray<J>, end: f64, exclude: Facet, round: bool, grow: f64) -> Self {
+        let (o, d) = (Bundle::new(ray.o, grow), Bundle::new(ray.d, grow));
+        let mut q = Bundle {
+            value: DVec3::ZERO,
+            by: o.by.map(|g| g.cross(d.value)),
+            twice: [[DVec3::ZERO; N]; N],
+            rest: DVec3::ZERO,
+        };
+        if J::NDERIV >= 2 {
+            q.twice = std::array::from_fn(|i| {
+                std::array::from_fn(|j| o.twice[i][j].cross(d.value) + o.by[i].cross(d.by[j]) + o.by[j].cross(d.by[i]))
+            });
+            q = q.bounded();
+        }
+        Predictor {
+            scene,
+            ray: *ray,
+            grow,
+            o,
+            d,
+            q,
+            round,
+            exclude,
+            limit: end as f32,
+            edges: ArrayVec::new(),
+            rectangles: ArrayVec::new(),
+            cover: f64::INFINITY,
+            trouble: Kinds::NONE,
+        }
+    }
+
+    /// An expansion over the enlarged footprint.
+    #[inline(always)]
+    fn enlarged(&self, e: Expansion<f64, N>) -> Expansion<f64, N> {
+        let (g, g2) = (self.grow, self.grow * self.grow);
+        Expansion { gradient: e.gradient.map(|x| x * g), hessian: e.hessian.map(|row| row.map(|x| x * g2)), ..e }
+    }
+
     /// The margin of the line a-b.
     #[inline(always)]
     fn line(&self, a: DVec3, b: DVec3) -> Linear<N> {
-        let (moment, along) = ((a - self.o).cross(b - self.o), b - a);
-        let gradient = std::array::from_fn(|k| self.d_p[k].dot(moment) + self.q_p[k].dot(along));
-        Linear { value: self.d.dot(moment), gradient }
+        let (moment, along) = ((a - self.o.value).cross(b - self.o.value), b - a);
+        let gradient = std::array::from_fn(|k| self.d.by[k].dot(moment) + self.q.by[k].dot(along));
+        let rest = if J::NDERIV < 2 { 0.0 } else { self.d.rest.dot(moment.abs()) + self.q.rest.dot(along.abs()) };
+        Linear { value: self.d.value.dot(moment), gradient, rest }
+    }
+
+    /// Second derivatives of the same margin.
+    fn bend(&self, a: DVec3, b: DVec3) -> [[f64; N]; N] {
+        let (moment, along) = ((a - self.o.value).cross(b - self.o.value), b - a);
+        let of = |i: usize, j: usize| self.d.twice[i][j].dot(moment) + self.q.twice[i][j].dot(along);
+        std::array::from_fn(|i| std::array::from_fn(|j| of(i, j)))
     }
 
     /// Coordinates of the ray's foot on the line a-b (0 at a, 1 at b), and of the edge's foot on the ray.
@@ -87,19 +189,31 @@ impl<const N: usize> Predictor<'_, N> {
         let d = self.ray.d;
         let (ee, ed, dd, ve, vd) = (e.norm2(), e.dot(d), d.norm2(), v.dot(e), v.dot(d));
         let inv = (ee * dd - ed * ed).recip();
-        [((ed * vd - ve * dd) * inv).expansion().into(), ((ee * vd - ed * ve) * inv).expansion().into()]
+        [(ed * vd - ve * dd) * inv, (ee * vd - ed * ve) * inv].map(|x| self.enlarged(x.expansion()).into())
     }
 
     fn segment(&mut self, kind: Kinds, shape: u32, margin: Linear<N>, [a, b]: [DVec3; 2]) {
         if !margin.vanishes(self.round) {
             return;
         }
+        let mut bend = [[0.0; N]; N];
+        if J::NDERIV >= 2 {
+            bend = self.bend(a, b);
+            let exact = Expansion { order: 2, value: margin.value, gradient: margin.gradient, hessian: bend };
+            if !bounds(&exact) {
+                return;
+            }
+        }
         let [s, t] = self.feet(a, b);
         let (reach, near) = (s.reach(self.round), t.value - t.reach(self.round));
         if s.value + reach < 0.0 || s.value - reach > 1.0 || t.value + t.reach(self.round) <= 0.0 {
             return;
         }
-        self.push(Edge { kind, shape, margin, s: Some(s), t, near });
+        // Where the mesh that the rays start from ends under their origins, the ray before saw an edge.
+        if shape == self.exclude.shape && near <= 0.0 {
+            return;
+        }
+        self.push(Edge { kind, shape, margin, bend, s: Some(s), t, near });
     }
 
     fn push(&mut self, edge: Edge<N>) {
@@ -130,7 +244,8 @@ impl<const N: usize> Predictor<'_, N> {
         self.passes(shape);
         if above == K || below == K {
             let n = (points[1] - points[0]).cross(points[2] - points[0]);
-            let t = Linear::from(dualux_dual::Plane::new(to_dual(points[0]), to_dual(n)).t(&self.ray).expansion());
+            let t = Plane::new(to_dual(points[0]), to_dual(n)).t(&self.ray);
+            let t = Linear::from(self.enlarged(t.expansion()));
             let (near, far) = (t.value - t.reach(self.round), t.value + t.reach(self.round));
             if near > 0.0 && far < self.cover {
                 self.cover = far;
@@ -164,9 +279,9 @@ impl<const N: usize> Predictor<'_, N> {
             (_, u32::MAX) => Some(Kinds::BOUNDARY),
             (class, n) => {
                 let other = mesh.corners(n).map(|c| c.as_dvec3());
-                let o_p = self.o_p.map(to_dual);
+                let o_p = self.o.by.map(to_dual);
                 let (n1, n2) = (normal(points), normal(&other));
-                match margins::may_be_silhouette(to_dual(self.o), &o_p, to_dual(points[k]), n1, n2) {
+                match margins::may_be_silhouette(to_dual(self.o.value), &o_p, to_dual(points[k]), n1, n2) {
                     true => Some(Kinds::SILHOUETTE),
                     false => (class == EdgeClass::Always).then_some(Kinds::CREASE),
                 }
@@ -186,31 +301,47 @@ impl<const N: usize> Predictor<'_, N> {
     }
 
     fn sphere(&mut self, shape: u32, c: DVec3, radius: f64) {
-        let m = c - self.o;
-        let (dist2, d2) = (m.length_squared(), self.d.length_squared());
+        let (m, d) = (c - self.o.value, self.d.value);
+        let (dist2, d2) = (m.length_squared(), d.length_squared());
         if dist2 <= radius * radius {
             return;
         }
         // m x d with its derivatives.
-        let q = m.cross(self.d);
-        let q_p: [DVec3; N] = std::array::from_fn(|k| m.cross(self.d_p[k]) - self.o_p[k].cross(self.d));
+        let q = m.cross(d);
+        let q_p: [DVec3; N] = std::array::from_fn(|k| m.cross(self.d.by[k]) - self.o.by[k].cross(d));
         let (length, border) = (q.length(), radius * d2.sqrt());
         let towards = q / length.max(1e-300);
-        let margin = Linear { value: border - length, gradient: q_p.map(|g| -g.dot(towards)) };
+        let (mut bend, mut rest, mut t_rest) = ([[0.0; N]; N], 0.0, 0.0);
+        if J::NDERIV >= 2 {
+            for i in 0..N {
+                for j in 0..N {
+                    let q_ij = m.cross(self.d.twice[i][j]) - self.q.twice[i][j];
+                    bend[i][j] = -q_ij.dot(towards);
+                    rest += 0.5 * q_ij.length();
+                }
+            }
+            t_rest = (self.d.rest.dot(m.abs()) + self.o.rest.dot(d.abs())) / d2;
+        }
+        let margin = Linear { value: border - length, gradient: q_p.map(|g| -g.dot(towards)), rest };
         // The vector's farthest value is at a corner; its nearest, at least what is left along its own direction.
         let corner = |i: usize| (0..N).fold(q, |s, k| if i >> k & 1 == 1 { s + q_p[k] } else { s - q_p[k] });
-        let farthest = (0..1 << N).map(|i| corner(i).length_squared()).fold(0.0, f64::max).sqrt();
-        let t_p: [f64; N] = std::array::from_fn(|k| (m.dot(self.d_p[k]) - self.o_p[k].dot(self.d)) / d2);
-        let t = Linear { value: m.dot(self.d) / d2, gradient: t_p };
+        let farthest = (0..1 << N).map(|i| corner(i).length_squared()).fold(0.0, f64::max).sqrt() + rest;
+        let t_p: [f64; N] = std::array::from_fn(|k| (m.dot(self.d.by[k]) - self.o.by[k].dot(d)) / d2);
+        let t = Linear { value: m.dot(d) / d2, gradient: t_p, rest: t_rest };
         if length - margin.reach(self.round) > border || farthest < border || t.value + t.reach(self.round) <= 0.0 {
             return;
         }
         let near = t.value * (1.0 - radius * radius / dist2) - t.reach(self.round);
-        self.push(Edge { kind: Kinds::SILHOUETTE, shape, margin, s: None, t, near });
+        self.push(Edge { kind: Kinds::SILHOUETTE, shape, margin, bend, s: None, t, near });
+    }
+
+    /// The boxes of origins and directions.
+    pub fn beam(&self, t: [f64; 2]) -> Beam {
+        Beam { o: self.o.spread(), d: self.d.spread(), tmin: t[0] as f32, tmax: t[1] as f32, sides: None }
     }
 }
 
-impl<const N: usize> Visitor for Predictor<'_, N> {
+impl<J: Jet<N, Primitive = f64>, const N: usize> Visitor for Predictor<'_, J, N> {
     fn triangle(&mut self, index: u32, prim: u32, corners: [Vec3f; 3]) -> ControlFlow<()> {
         match &self.scene.shapes[index as usize].geometry {
             Geometry::Rectangle(r) => {
@@ -244,7 +375,9 @@ impl<const N: usize> Visitor for Predictor<'_, N> {
                 self.rim(index, a, u, v);
                 self.rim(index, a + axis, u, v);
                 let c = Cylinder::new(to_dual(a), to_dual(a + axis), f64::from(c.radius));
-                for line in margins::cylinder_silhouette(to_dual(self.o), &c).into_iter().flatten().filter(|_| !own) {
+                for line in
+                    margins::cylinder_silhouette(to_dual(self.o.value), &c).into_iter().flatten().filter(|_| !own)
+                {
                     let ends = line.map(from_dual);
                     self.segment(Kinds::SILHOUETTE, index, self.line(ends[0], ends[1]), ends);
                 }
@@ -256,129 +389,5 @@ impl<const N: usize> Visitor for Predictor<'_, N> {
 
     fn limit(&self) -> f32 {
         self.limit
-    }
-}
-
-impl<const N: usize> Predictor<'_, N> {
-    /// The boxes of origins and directions, to first order.
-    fn beam(&self, t: [f64; 2]) -> Beam {
-        let spread = |v: DVec3, v_p: &[DVec3; N]| {
-            let reach = v_p.iter().fold(DVec3::ZERO, |r, g| r + g.abs());
-            let bound = |x: DVec3, to: fn(f32) -> f32| {
-                let x = x.as_vec3();
-                Vec3f::new(to(x.x), to(x.y), to(x.z))
-            };
-            [bound(v - reach, f32::next_down), bound(v + reach, f32::next_up)]
-        };
-        let (o, d) = (spread(self.o, &self.o_p), spread(self.d, &self.d_p));
-        Beam { o, d, tmin: t[0] as f32, tmax: t[1] as f32, sides: None }
-    }
-
-    /// Whether real rays see an edge, or nothing can be said.
-    fn shows(&self, detector: &EdgeDetector, e: &Edge<N>, t: [f64; 2]) -> bool {
-        let mut asked = false;
-        let none = [None; N];
-        // The nearest root, and those with some parameters at their ends.
-        let ends = (0..2 * N).map(|i| {
-            let mut fixed = none;
-            let (k, at) = (i / 2, if i % 2 == 0 { -0.9 } else { 0.9 });
-            fixed[k] = Some(if self.round && k + 2 >= N { 0.7 * at } else { at });
-            fixed
-        });
-        for p in std::iter::once(none).chain(ends).filter_map(|fixed| e.margin.root(&fixed)) {
-            if e.s.is_some_and(|s| !(-0.02..=1.02).contains(&s.at(&p))) {
-                continue;
-            }
-            asked = true;
-            let (mut o, mut d) = (self.o, self.d);
-            for k in 0..N {
-                o += self.o_p[k] * p[k];
-                d += self.d_p[k] * p[k];
-            }
-            let at = e.t.at(&p);
-            let ray =
-                PlainRay { o: o.as_vec3(), d: d.as_vec3(), tmin: (t[0] as f32).max(at as f32 * 1e-4), tmax: at as f32 };
-            let nearer = |hit: &Hit| {
-                let (own, start) = (hit.shape == e.shape, hit.shape == self.exclude.shape);
-                // A curved surface is met before its silhouette; the surface that the rays start from, by rounding.
-                let slack = if own { 1.0 / BEHIND } else { 1.0 - 1e-3 };
-                let counts = !start && (!own || e.s.is_some());
-                counts && f64::from(hit.t) < at * slack
-            };
-            if !detector.accel.closest(&ray).is_some_and(|hit| nearer(&hit)) {
-                return true;
-            }
-        }
-        !asked
-    }
-}
-
-impl EdgeDetector<'_> {
-    /// Predicted events of rays whose origin moves. `front`: shape and distance (in units of the direction) of what the centre ray
-    /// meets, if known: where no flat surface covers the footprint but this has no edge in it, it hides what is clearly farther.
-    pub fn predict<const N: usize>(
-        &self,
-        ray: &Ray<D1<N>>,
-        t: [f64; 2],
-        exclude: Option<Facet>,
-        front: Option<(u32, f64)>,
-    ) -> Verdict {
-        self.predict_in(ray, t, exclude, front, false, 1.0)
-    }
-
-    /// The same; `round`: the last two of the parameters fill the unit disk; `grow`: by how much the footprint is enlarged.
-    pub(super) fn predict_in<const N: usize>(
-        &self,
-        ray: &Ray<D1<N>>,
-        t: [f64; 2],
-        exclude: Option<Facet>,
-        front: Option<(u32, f64)>,
-        round: bool,
-        grow: f64,
-    ) -> Verdict {
-        let partial = |v: Vec3<D1<N>>| -> [DVec3; N] { std::array::from_fn(|k| from_dual(v.partial(k)) * grow) };
-        let (o, d) = (from_dual(ray.o.re()), from_dual(ray.d.re()));
-        let (o_p, d_p) = (partial(ray.o), partial(ray.d));
-        let mut p = Predictor {
-            scene: self.scene,
-            ray: Family::new(ray.o.re(), o_p.map(to_dual), ray.d.re(), d_p.map(to_dual)).ray(),
-            o,
-            d,
-            o_p,
-            d_p,
-            q_p: o_p.map(|g| g.cross(d)),
-            round,
-            exclude: exclude.unwrap_or(Facet::NONE),
-            limit: t[1] as f32,
-            edges: ArrayVec::new(),
-            rectangles: ArrayVec::new(),
-            cover: f64::INFINITY,
-            trouble: Kinds::NONE,
-        };
-        self.accel.walk(&p.beam(t), &mut p);
-        let mut found = NOTHING;
-        // A surface without an edge of its own in the footprint hides what is behind.
-        let cover = match front {
-            Some((shape, t)) if !p.edges.iter().any(|e| e.shape == shape) => p.cover.min(t * BEHIND),
-            _ => p.cover,
-        };
-        let mut live = 0;
-        for e in p.edges.iter().filter(|e| e.near <= cover * (1.0 + 1e-6)) {
-            live += 1;
-            if live > self.settings.busy {
-                p.trouble |= Kinds::BUSY;
-                break;
-            }
-            if p.shows(self, e, t) {
-                found.kinds |= e.kind;
-                found.distance = found.distance.min(e.margin.distance());
-            }
-        }
-        let found = Events { kinds: found.kinds | p.trouble, ..found };
-        match (p.trouble == Kinds::NONE, found.kinds == Kinds::NONE) {
-            (false, _) => Verdict::Unknown(found),
-            (true, true) => Verdict::Clear,
-            (true, false) => Verdict::Events(found),
-        }
     }
 }

@@ -5,15 +5,14 @@
 //! interpolated on smooth meshes. Source: Igehy 1999 (transfer and interpolated normals). Not handled: bump and normal maps.
 //! Verified by the derivatives of whole chains against central differences (transport's tests).
 
-use super::predicted::D1;
 use super::view::{from_dual, to_dual};
 use crate::scene::{Geometry, Shape, SurfacePoint};
-use dualux_dual::{Cylinder, Plane, Ray, Root, Sphere, Triangle, Vec3, interpolate_normal};
+use dualux_dual::{Cylinder, Plane, Ray, Real, Root, Sphere, Triangle, Vec3, interpolate_normal};
 
 /// Point and unit shading normal (on the shape's normal side, or turned round as a whole), with derivatives, where `ray` meets the
 /// primitive of `at` in `shape`.
 #[inline]
-pub fn meet<const N: usize>(shape: &Shape, ray: &Ray<D1<N>>, at: &SurfacePoint) -> (Vec3<D1<N>>, Vec3<D1<N>>) {
+pub fn meet<J: Real<Primitive = f64>>(shape: &Shape, ray: &Ray<J>, at: &SurfacePoint) -> (Vec3<J>, Vec3<J>) {
     let outside = from_dual(ray.d.re()).dot(at.n_geo.as_dvec3()) < 0.0;
     let flat = |n: Vec3<f64>| {
         let p = ray.at(Plane::new(to_dual(at.p.as_dvec3()), n).t(ray));

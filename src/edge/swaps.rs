@@ -11,7 +11,7 @@ use super::chord::{Chord, clip, keep, keep_affine};
 use super::curved::{CORNERS, Circle, Surface, arcs, ellipse_at};
 use super::detect::{Detection, Mode, Owner, length, line_in_square};
 use super::kinds::Kinds;
-use super::view::{Affine, View, at, from_dual, range, to_dual};
+use super::view::{Affine, at, from_dual, range, to_dual};
 use crate::math::DVec3;
 use dualux_dual::{Cylinder, Disk, Plane, margins};
 
@@ -21,18 +21,6 @@ struct Flat {
     x: DVec3,
     n: DVec3,
     key: Affine,
-}
-
-/// Depth key of the plane through x with normal n.
-fn plane_key(view: &View, x: DVec3, n: DVec3) -> Affine {
-    let f = &view.family;
-    let tau = n.dot(x - view.origin());
-    if view.perspective {
-        [f.d, f.d_p[0], f.d_p[1]].map(|v| -n.dot(from_dual(v)) / tau)
-    } else {
-        let speed = n.dot(from_dual(f.d));
-        [tau / speed, -n.dot(from_dual(f.o_p[0])) / speed, -n.dot(from_dual(f.o_p[1])) / speed]
-    }
 }
 
 fn circle_of(disk: &Disk<f64>) -> Circle {
@@ -101,7 +89,7 @@ impl Detection<'_> {
                 (_, Surface::Disk(_)) => false, // a plane, above
                 (Surface::Disk(disk), other) => {
                     let n = disk.u.cross(disk.v);
-                    let flat = Flat { owner: me, x: disk.c, n, key: plane_key(self.view, disk.c, n) };
+                    let flat = Flat { owner: me, x: disk.c, n, key: self.view.plane_key(disk.c, n) };
                     match other {
                         Surface::Sphere(s) => {
                             let plane = Plane::new(to_dual(flat.x), to_dual(n));
@@ -121,7 +109,7 @@ impl Detection<'_> {
     fn as_flat(&self, i: usize) -> Option<Flat> {
         let Surface::Disk(e) = &self.surfaces.curved[i].surface else { return None };
         let n = e.u.cross(e.v);
-        Some(Flat { owner: Owner::Curved(i), x: e.c, n, key: plane_key(self.view, e.c, n) })
+        Some(Flat { owner: Owner::Curved(i), x: e.c, n, key: self.view.plane_key(e.c, n) })
     }
 
     fn is_swap(&mut self) -> bool {
@@ -138,7 +126,9 @@ impl Detection<'_> {
         owners.iter().for_each(|o| self.cut(o, &whole, &mut s));
         let [near, far] = self.view.keys;
         keep(far - whole.key[0], far - whole.key[1], &mut s);
-        if near.is_finite() {
+        if let Some(near) = &self.view.near {
+            keep(whole.key[0] - at(near, p[0]), whole.key[1] - at(near, p[1]), &mut s);
+        } else if near.is_finite() {
             keep(whole.key[0] - near, whole.key[1] - near, &mut s);
         }
         if s[1] - s[0] < 1e-6 {

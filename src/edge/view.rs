@@ -45,6 +45,8 @@ pub struct View {
     pub domain: Domain,
     /// Depth keys of the range's ends.
     pub keys: [f64; 2],
+    /// Depth key of the plane that the rays start from, if they come from a mirror (or through a pane) in it.
+    pub near: Option<Affine>,
     rows: [DVec3; 3],
 }
 
@@ -108,7 +110,7 @@ impl View {
         let inv = 1.0 / d.dot(rows[0]);
         let keys = if perspective { t.map(|t| -1.0 / t) } else { t };
         let rows = [rows[0] * inv, rows[1] * inv, rows[2] * inv];
-        inv.is_finite().then_some(View { family, t, perspective, domain: Domain::WHOLE, keys, rows })
+        inv.is_finite().then_some(View { family, t, perspective, domain: Domain::WHOLE, keys, near: None, rows })
     }
 
     /// The same rays, of which less counts.
@@ -120,6 +122,33 @@ impl View {
     /// The same rays with another range.
     pub fn within(self, t: [f64; 2]) -> Self {
         View { t, keys: t.map(|t| self.key(t)), ..self }
+    }
+
+    /// The same rays, starting from the plane through `x` with normal `n`: a mirror, behind which their origin is the image of a real one.
+    /// `None` if no ray meets it in front of the origin.
+    pub fn beyond(self, x: DVec3, n: DVec3) -> Option<Self> {
+        let near = self.plane_key(x, n);
+        let nearest = range(&near).0;
+        let t = [self.t_of(nearest), self.t[1]];
+        (near.iter().all(|c| c.is_finite()) && t[0] > 0.0).then(|| View { near: Some(near), ..self.within(t) })
+    }
+
+    /// Depth key of the plane through `x` with normal `n`.
+    pub fn plane_key(&self, x: DVec3, n: DVec3) -> Affine {
+        let f = &self.family;
+        let tau = n.dot(x - self.origin());
+        if self.perspective {
+            [f.d, f.d_p[0], f.d_p[1]].map(|v| -n.dot(from_dual(v)) / tau)
+        } else {
+            let speed = n.dot(from_dual(f.d));
+            [tau / speed, -n.dot(from_dual(f.o_p[0])) / speed, -n.dot(from_dual(f.o_p[1])) / speed]
+        }
+    }
+
+    /// Start of the rays' range at p.
+    #[inline(always)]
+    pub fn start(&self, p: [f64; 2]) -> f64 {
+        self.near.map_or(self.t[0], |near| self.t_of(at(&near, p)))
     }
 
     /// Origin of the centre ray.

@@ -1,10 +1,11 @@
 //! Origins that move: lenses, emission from a patch, chains; and borders of highlights.
 
 use super::{Rng, ball, quad, scene, scene_of, shape, soup};
+use crate::edge::confirmed::Question;
 use crate::edge::emission::Cells;
 use crate::edge::predicted::D1;
 use crate::edge::view::to_dual;
-use crate::edge::{EdgeDetector, Kinds, Settings, View, oracle};
+use crate::edge::{EdgeDetector, Facet, Kinds, Settings, View, oracle};
 use crate::math::{DMat4, DVec3, Vec3};
 use crate::scene::description::{GeometryDesc, ShapeDesc};
 use crate::scene::material::{Distribution, Roughness};
@@ -58,7 +59,8 @@ fn four(rng: &mut Rng, round: bool, footprints: usize, family: impl Fn(&mut Rng)
         let ray = family.ray::<D1<4>>();
         let t = [0.0, f64::INFINITY];
         let front = detector.first(&family, t);
-        let flagged = detector.predict_in(&ray, t, None, front, round, 1.0).needs_samples();
+        let question = Question { t, exclude: Facet::NONE, round, grow: 1.0, all: false };
+        let flagged = detector.predict_in(&ray, question, || front).needs_samples();
         count.add(oracle::sight4(&scene, &accel, &family, t, 5, round), flagged);
     }
     count
@@ -129,7 +131,7 @@ fn chains(seed: u64, material: Material, smooth: ShapeDesc, half: f64, footprint
         let aim = DVec3::new(rng.range(-0.9, 0.9), rng.range(-0.9, 0.9), 0.0);
         let view: View = super::random_view(&mut rng, o, aim, half);
         let Some(truth) = oracle::chain(&detector, &view, 10) else { continue };
-        let found = detector.chain(&view.family.ray::<D1<2>>(), view.t);
+        let found = detector.chain(&view.family, view.t);
         count.add(truth, found.kinds != Kinds::NONE);
     }
     count
