@@ -47,6 +47,7 @@ mod x86 {
     use super::super::traverse::{self, Kernel, Near, Query, TriHits};
     use super::footprint::{BeamKernel, Sides, Slabs};
     use super::{Beam, Hit, Ray, Tree, Visitor, footprint};
+    use crate::math::Vec3;
     use std::arch::x86_64::*;
 
     /// Proof that the processor has AVX2 and the bit instructions that came with it.
@@ -140,6 +141,12 @@ mod x86 {
         }
 
         #[inline(always)]
+        fn within(sides: &Sides, node: &Node8) -> u32 {
+            // SAFETY: reached only through `walk_avx2`, which has AVX2 enabled.
+            unsafe { beam_within(sides, node) }
+        }
+
+        #[inline(always)]
         fn lanes(sides: &Sides, pack: &Tri4) -> u32 {
             // SAFETY: reached only through `walk_avx2`, which has AVX2 enabled.
             unsafe { beam_lanes(sides, pack) }
@@ -176,6 +183,36 @@ mod x86 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
+    fn beam_within(sides: &Sides, node: &Node8) -> u32 {
+        let row = |index: usize, n: f32, o: f32| {
+            debug_assert!(index < 6);
+            // SAFETY: 2 axis + (0 or 1) is below 6. Rows are 32-byte aligned: a node is, and they are its first 6 x 32 bytes.
+            let face = unsafe { _mm256_load_ps(node.bounds.as_ptr().add(index) as *const f32) };
+            _mm256_mul_ps(_mm256_set1_ps(n), _mm256_sub_ps(face, _mm256_set1_ps(o)))
+        };
+        let o = sides.o;
+        let slots = |n: Vec3, slack: f32| {
+            let [x, y, z] = [
+                row(usize::from(n.x > 0.0), n.x, o.x),
+                row(2 + usize::from(n.y > 0.0), n.y, o.y),
+                row(4 + usize::from(n.z > 0.0), n.z, o.z),
+            ];
+            let sum = _mm256_add_ps(_mm256_add_ps(x, y), z);
+            _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(sum, _mm256_set1_ps(-slack))) as u32
+        };
+        let mut kept = 0xff;
+        for k in 0..4 {
+            let waist = match &sides.waist {
+                Some((n, slack)) => slots(n[k], slack[k]),
+                None => 0,
+            };
+            kept &= slots(sides.n[k], sides.slack[k]) | waist;
+        }
+        kept
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
     fn beam_lanes(sides: &Sides, pack: &Tri4) -> u32 {
         let row = |axis: usize, o: f32| {
             // SAFETY: there are three rows, 32-byte aligned: a pack is, and they are its first 3 x 32 bytes.
@@ -190,13 +227,24 @@ mod x86 {
         let of_vertices = _mm_shuffle_epi8(bits, _mm_and_si128(corners, _mm_set1_epi8(7)));
         let two = _mm_or_si128(of_vertices, _mm_srli_si128::<4>(of_vertices));
         let of_lanes = _mm_or_si128(two, _mm_srli_si128::<8>(of_vertices));
-        let mut out = _mm_setzero_si128();
-        for (n, slack) in sides.n.iter().zip(&sides.slack) {
+        let along = |n: Vec3| {
             let xy = _mm256_add_ps(_mm256_mul_ps(_mm256_set1_ps(n.x), x), _mm256_mul_ps(_mm256_set1_ps(n.y), y));
-            let m = _mm256_add_ps(xy, _mm256_mul_ps(_mm256_set1_ps(n.z), z));
-            let inside = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(m, _mm256_set1_ps(-slack)));
+            _mm256_add_ps(xy, _mm256_mul_ps(_mm256_set1_ps(n.z), z))
+        };
+        let at_least =
+            |n: Vec3, least: f32| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(along(n), _mm256_set1_ps(least)));
+        // Lanes without a vertex among the columns inside.
+        let without = |inside: i32| {
             let of_side = _mm_and_si128(of_lanes, _mm_set1_epi8(inside as i8));
-            out = _mm_or_si128(out, _mm_cmpeq_epi8(of_side, _mm_setzero_si128()));
+            _mm_cmpeq_epi8(of_side, _mm_setzero_si128())
+        };
+        let mut out = _mm_setzero_si128();
+        for k in 0..4 {
+            let mut inside = at_least(sides.n[k], -sides.slack[k]);
+            if let Some((n, slack)) = &sides.waist {
+                inside |= at_least(n[k], -slack[k]);
+            }
+            out = _mm_or_si128(out, without(inside));
         }
         let outside = _mm_movemask_epi8(out) as u32;
         footprint::used_lanes(pack) & !outside

@@ -3,7 +3,7 @@
 //! A [`Beam`] holds rays o + t d with o and d in boxes; at distance t it fills the box [o0 + t d0, o1 + t d1], so that a node
 //! is met if that box meets the node's for some t in [tmin, tmax]: the slab test of a ray, with the smallest speed at far planes
 //! and the largest at near ones, and without a far plane along axes in which directions differ in sign. Families whose
-//! rays fill a pyramid or a prism add its four side planes, by which triangles are sorted out.
+//! rays fill a pyramid, a prism or something with a waist add its four sides, by which triangles are sorted out.
 //! Conservative: everything that a ray of the beam meets is visited; what is visited need not be met.
 //! Nearest nodes come first, and the visitor may shorten the beam as it learns what covers all of it.
 //!
@@ -28,11 +28,12 @@ pub struct Beam {
     pub tmin: f32,
     /// End, may be infinite.
     pub tmax: f32,
-    /// Side planes of the pyramid or prism that the rays fill, if there is one.
+    /// Sides of the pyramid or prism that the rays fill, if there is one.
     pub sides: Option<Sides>,
 }
 
-/// Four planes: a point x lies inside of one if n . (x - o) >= -slack.
+/// Four planes: a point x lies inside of one if n . (x - o) >= -slack. With a waist, each side consists of two planes, and it is enough
+/// to lie inside of one of them: what lies outside of both is convex, so that a triangle lies there if its corners do.
 #[derive(Clone, Copy, Debug)]
 pub struct Sides {
     /// A point of all planes (pyramid), or of the middle (prism).
@@ -41,6 +42,8 @@ pub struct Sides {
     pub n: [Vec3; 4],
     /// Distance of each plane from `o` (0 for a pyramid) and what rounding may add, times |n|.
     pub slack: [f32; 4],
+    /// The second planes.
+    pub waist: Option<([Vec3; 4], [f32; 4])>,
 }
 
 /// What a walk finds. `Break` ends the walk.
@@ -68,7 +71,10 @@ pub(super) trait BeamKernel {
     /// Slots whose box the beam meets before `limit`, as bits, and where it enters.
     fn boxes(slabs: &Slabs, node: &Node8, limit: f32) -> (u32, Near);
 
-    /// Lanes of a pack that hold a triangle which does not lie outside one of the planes, as bits.
+    /// Slots whose box may meet the inside of all sides, as bits.
+    fn within(sides: &Sides, node: &Node8) -> u32;
+
+    /// Lanes of a pack that hold a triangle which does not lie outside one of the sides, as bits.
     fn lanes(sides: &Sides, pack: &Tri4) -> u32;
 }
 
@@ -139,21 +145,40 @@ impl BeamKernel for Portable {
     }
 
     #[inline(always)]
+    fn within(sides: &Sides, node: &Node8) -> u32 {
+        // Of each box the corner that is farthest along n.
+        let reach = |n: Vec3, i: usize| {
+            let along = |axis: usize, n: f32, o: f32| n * (node.bounds[2 * axis + usize::from(n > 0.0)][i] - o);
+            along(0, n.x, sides.o.x) + along(1, n.y, sides.o.y) + along(2, n.z, sides.o.z)
+        };
+        // Unused slots may be anything, also not a number: they are not followed.
+        let slots = |n: Vec3, slack: f32| (0..8).fold(0, |m, i| m | u32::from(reach(n, i) >= -slack) << i);
+        (0..4).fold(0xff, |kept, k| {
+            let waist = sides.waist.as_ref().map_or(0, |(n, slack)| slots(n[k], slack[k]));
+            kept & (slots(sides.n[k], sides.slack[k]) | waist)
+        })
+    }
+
+    #[inline(always)]
     fn lanes(sides: &Sides, pack: &Tri4) -> u32 {
         let o = sides.o;
         let [xs, ys, zs] = &pack.points;
         // Per lane the columns of its vertices, as bits.
         let vertices: [u8; 4] = std::array::from_fn(|lane| (0..3).fold(0, |m, v| m | 1 << (pack.corners[v][lane] & 7)));
+        let along = |n: Vec3, i: usize| n.x * (xs[i] - o.x) + n.y * (ys[i] - o.y) + n.z * (zs[i] - o.z);
+        let columns = |inside: &dyn Fn(usize) -> bool| (0..8).fold(0u8, |m, i| m | u8::from(inside(i)) << i);
         let mut kept = used_lanes(pack);
-        for (n, slack) in sides.n.iter().zip(&sides.slack) {
-            let mut inside = 0u8;
-            for i in 0..8 {
-                let m = n.x * (xs[i] - o.x) + n.y * (ys[i] - o.y) + n.z * (zs[i] - o.z);
-                inside |= u8::from(m >= -slack) << i;
-            }
+        let mut keep = |inside: u8| {
             for (lane, of_lane) in vertices.iter().enumerate() {
                 kept &= !(u32::from(of_lane & inside == 0) << lane);
             }
+        };
+        for k in 0..4 {
+            let mut inside = columns(&|i| along(sides.n[k], i) >= -sides.slack[k]);
+            if let Some((n, slack)) = &sides.waist {
+                inside |= columns(&|i| along(n[k], i) >= -slack[k]);
+            }
+            keep(inside);
         }
         kept
     }
@@ -198,6 +223,10 @@ pub(super) fn walk<K: BeamKernel>(tree: &Tree, beam: &Beam, visitor: &mut impl V
     loop {
         let limit = visitor.limit().min(f32::MAX) * FAR_SCALE;
         let (mut mask, near) = K::boxes(&slabs, node, limit);
+        // Pyramids and prisms fill their boxes well enough.
+        if let Some(sides) = beam.sides.as_ref().filter(|sides| sides.waist.is_some()) {
+            mask &= K::within(sides, node);
+        }
         let base = stack.len();
         while mask != 0 {
             let slot = mask.trailing_zeros() as usize & 7;

@@ -58,6 +58,11 @@ fn is_flat(geometry: &Geometry) -> bool {
     }
 }
 
+/// Whether normals are interpolated.
+fn is_smooth(geometry: &Geometry) -> bool {
+    matches!(geometry, Geometry::Mesh(mesh) if !mesh.normals.is_empty())
+}
+
 /// What expansions of second order leave out, as a fraction of the first: guessed from the ratio of the first two, as in a geometric
 /// series. 0 for duals of first order.
 fn third<J: Jet<N, Primitive = f64>, const N: usize>(ray: &Ray<J>) -> f64 {
@@ -73,33 +78,48 @@ fn third<J: Jet<N, Primitive = f64>, const N: usize>(ray: &Ray<J>) -> f64 {
 
 impl EdgeDetector<'_> {
     /// Events seen through specular chains that start with the given rays; their kinds hold `MIRRORED` or `REFRACTED`.
-    /// Nothing if the first surface is not smooth.
-    pub fn chain<const N: usize>(&self, first: &Family<f64, N>, t: [f64; 2]) -> Events {
-        match self.settings.order {
-            0 | 1 => self.chain_of::<D1<N>, N>(first, t),
-            _ => self.chain_of::<D2N<N>, N>(first, t),
+    /// Nothing if the first surface is not smooth. `all`: look for all events, not only for one.
+    pub fn chain<const N: usize>(&self, first: &Family<f64, N>, t: [f64; 2], all: bool) -> Events {
+        let [o, d] = [first.o, first.d].map(|v| from_dual(v).as_vec3());
+        let Some((t, at)) = self.meet(&PlainRay { o, d, tmin: t[0] as f32, tmax: t[1] as f32 }) else {
+            return NOTHING;
+        };
+        let shape = &self.scene.shapes[at.shape as usize];
+        let outside = d.dot(at.n_geo) < 0.0;
+        if self.optics(shape.material as usize, outside).is_none() {
+            return NOTHING;
         }
+        let first_order = || self.chain_of::<D1<N>, N>(first, t, at, all);
+        if self.settings.order < 2 {
+            return first_order();
+        }
+        // Facets of smooth meshes are too small to bend much: most of what they show is clear to first order.
+        if is_smooth(&shape.geometry) && first_order().kinds == Kinds::NONE {
+            return NOTHING;
+        }
+        self.chain_of::<D2N<N>, N>(first, t, at, all)
     }
 
-    fn chain_of<J: Jet<N, Primitive = f64>, const N: usize>(&self, first: &Family<f64, N>, t: [f64; 2]) -> Events {
+    fn chain_of<J: Jet<N, Primitive = f64>, const N: usize>(
+        &self,
+        first: &Family<f64, N>,
+        t: f64,
+        at: SurfacePoint,
+        all: bool,
+    ) -> Events {
         let mut found = NOTHING;
-        let [o, d] = [first.o, first.d].map(|v| from_dual(v).as_vec3());
-        let (Some((t, at)), ray) =
-            (self.meet(&PlainRay { o, d, tmin: t[0] as f32, tmax: t[1] as f32 }), first.ray::<J>())
-        else {
-            return found;
-        };
+        let ray = first.ray::<J>();
         let exact = N == 2 && (first.has_fixed_origin() || first.d_p.iter().all(|v| *v == Vec3::zero()));
         let mut todo = arrayvec::ArrayVec::<Segment<J>, MOST_SEGMENTS>::new();
         let start = Segment { ray, start: 0.0, seen: Kinds::NONE, from: at, grow: 1.0, exact };
         let mut segments = 0;
         self.branch(&start, &at, t, segments, &mut todo, &mut found);
-        while let Some(segment) = todo.pop() {
+        while let Some(segment) = todo.pop().filter(|_| all || found.kinds == Kinds::NONE) {
             segments += 1;
             let d = from_dual(segment.ray.d.re()).as_vec3();
             let o = segment.from.spawn_origin(d);
             let hit = self.meet(&PlainRay { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY });
-            let verdict = self.along(&segment, hit.as_ref().map(|(t, at)| (at.shape, *t)));
+            let verdict = self.along(&segment, hit.as_ref().map(|(t, at)| (at.shape, *t)), all);
             if verdict != Verdict::Clear {
                 found.kinds |= verdict.kinds() | segment.seen;
                 found.distance = found.distance.min(verdict.distance());
@@ -116,6 +136,7 @@ impl EdgeDetector<'_> {
         &self,
         segment: &Segment<J>,
         front: Option<(u32, f64)>,
+        all: bool,
     ) -> Verdict {
         let (ray, at) = (&segment.ray, &segment.from);
         let exclude = Facet { shape: at.shape, prim: at.prim };
@@ -125,13 +146,13 @@ impl EdgeDetector<'_> {
             let family = Family::new(ray.o.re(), o_p, ray.d.re(), d_p);
             let plane = (at.p.as_dvec3(), at.n_geo.as_dvec3());
             if let Some(view) = View::new(family, t).and_then(|view| view.beyond(plane.0, plane.1)) {
-                return self.all(&view, Some(exclude));
+                return if all { self.all(&view, Some(exclude)) } else { self.any(&view, Some(exclude)) };
             }
         }
         // Only rays that come back to where they start: other surfaces may end, or bend, within the footprint.
         let third = third::<J, N>(ray);
         let own = || front.filter(|f| f.0 == at.shape);
-        self.predict_in(ray, Question { t, exclude, round: false, grow: segment.grow + third, all: true }, own)
+        self.predict_in(ray, Question { t, exclude, round: false, grow: segment.grow + third, all, swaps: false }, own)
     }
 
     /// The segments that a smooth surface sends on, met at `at` and parameter `t`.
@@ -151,8 +172,8 @@ impl EdgeDetector<'_> {
         let (p, n) = surface::meet(shape, ray, at);
         let n = face_against(n, ray.d);
         let flat = is_flat(&shape.geometry);
-        let smooth = matches!(shape.geometry, Geometry::Mesh(_));
-        let grow = if !flat && (J::NDERIV < 2 || smooth) { CURVED } else { segment.grow };
+        let first_order = J::NDERIV < 2 || is_smooth(&shape.geometry);
+        let grow = if !flat && first_order { CURVED } else { segment.grow };
         let mut go = |o: Vec3<J>, d: Vec3<J>, start: f64, kind: Kinds| {
             if segments + todo.len() < MOST_SEGMENTS {
                 let ray = Ray::new(o, d);

@@ -8,7 +8,7 @@
 use super::kinds::{Events, Kinds, Verdict};
 use super::linear::Linear;
 use super::predicted::{D1, Edge, Predictor};
-use super::{EdgeDetector, Facet, NOTHING};
+use super::{EdgeDetector, Facet, NOTHING, beam};
 use crate::accel::Ray as PlainRay;
 use dualux_dual::{Jet, Ray};
 
@@ -32,6 +32,8 @@ pub(super) struct Question {
     pub grow: f64,
     /// Look for all events, not only for one.
     pub all: bool,
+    /// Look for depth swaps.
+    pub swaps: bool,
 }
 
 impl<J: Jet<N, Primitive = f64>, const N: usize> Predictor<'_, J, N> {
@@ -104,7 +106,7 @@ impl EdgeDetector<'_> {
         front: Option<(u32, f64)>,
     ) -> Verdict {
         let exclude = exclude.unwrap_or(Facet::NONE);
-        self.predict_in(ray, Question { t, exclude, round: false, grow: 1.0, all: true }, || front)
+        self.predict_in(ray, Question { t, exclude, round: false, grow: 1.0, all: true, swaps: true }, || front)
     }
 
     /// The same; `front` is asked for only where there are edges.
@@ -115,9 +117,12 @@ impl EdgeDetector<'_> {
         question: Question,
         front: impl FnOnce() -> Option<(u32, f64)>,
     ) -> Verdict {
-        let Question { t, exclude, round, grow, all } = question;
+        let Question { t, exclude, round, grow, all, swaps } = question;
         let mut p = Predictor::<J, N>::new(self.scene, ray, t[1], exclude, round, grow);
-        self.accel.walk(&p.beam(t), &mut p);
+        let beam = beam::around(&p.o, &p.d, p.lens.as_ref(), t, self.reach);
+        p.keeps_flats = swaps;
+        self.accel.walk(&beam, &mut p);
+        p.swaps();
         if p.edges.is_empty() && p.trouble == Kinds::NONE {
             return Verdict::Clear;
         }

@@ -41,7 +41,7 @@ pub struct EdgeDetector<'a> {
     /// Settings.
     pub settings: Settings,
     pub(super) passable: bool,
-    reach: f32,
+    pub(super) reach: f32,
 }
 
 impl<'a> EdgeDetector<'a> {

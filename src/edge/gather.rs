@@ -103,7 +103,7 @@ impl<'a> Surfaces<'a> {
         prim: u32,
         points: &[DVec3; N],
     ) -> ControlFlow<()> {
-        let Some(polygon) = Polygon::new(self.view, index, prim, points) else {
+        let Some(polygon) = Polygon::new(self.view, index, prim, points, f64::from(self.limit) * (1.0 + 1e-6)) else {
             return ControlFlow::Continue(());
         };
         if self.ground.is_some_and(|n| in_plane(n, self.view.origin(), points)) {

@@ -42,6 +42,20 @@ impl<const N: usize> Linear<N> {
         !(self.value.abs() > self.reach(round))
     }
 
+    /// Its sign where it cannot vanish, else 0.
+    #[inline(always)]
+    pub fn side(&self, round: bool) -> i8 {
+        let [square, disk] = if round { [N - 2, N] } else { [N, N] };
+        let sum: f64 = self.gradient[..square].iter().map(|g| g.abs()).sum();
+        let (left, disk) =
+            (self.value.abs() - sum - self.rest, self.gradient[square..disk].iter().map(|g| g * g).sum::<f64>());
+        match (left > 0.0 && left * left > disk, self.value > 0.0) {
+            (true, true) => 1,
+            (true, false) => -1,
+            (false, _) => 0,
+        }
+    }
+
     /// Distance of its zeros from the centre.
     pub fn distance(&self) -> f64 {
         let g2: f64 = self.gradient.iter().map(|g| g * g).sum();

@@ -46,7 +46,10 @@ impl EdgeDetector<'_> {
                 }
             }
             Some(PixelFamily::Lens(family, t)) => {
-                let question = Question { t, exclude: Facet::NONE, round: true, grow: 1.0, all };
+                if !all && self.clear_lens(&family, t) {
+                    return Verdict::Clear;
+                }
+                let question = Question { t, exclude: Facet::NONE, round: true, grow: 1.0, all, swaps: true };
                 self.predict_in(&family.ray::<D1<4>>(), question, || self.first(&family, t))
             }
             None => Verdict::Unknown(NOTHING),
@@ -61,15 +64,15 @@ impl EdgeDetector<'_> {
     }
 
     /// What a pixel sees by smooth reflection and refraction.
-    pub fn pixel_chain(&self, x: u32, y: u32) -> Events {
-        self.film_patch_chain([f64::from(x) + 0.5, f64::from(y) + 0.5], [0.5; 2])
+    pub fn pixel_chain(&self, x: u32, y: u32, all: bool) -> Events {
+        self.film_patch_chain([f64::from(x) + 0.5, f64::from(y) + 0.5], [0.5; 2], all)
     }
 
     /// The same for a rectangle of the film.
-    pub fn film_patch_chain(&self, centre: [f64; 2], half: [f64; 2]) -> Events {
+    pub fn film_patch_chain(&self, centre: [f64; 2], half: [f64; 2], all: bool) -> Events {
         match pixel::family(&self.scene.camera, centre, half) {
-            Some(PixelFamily::Exact(view)) => self.chain(&view.family, view.t),
-            Some(PixelFamily::Lens(family, t)) => self.chain(&family, t),
+            Some(PixelFamily::Exact(view)) => self.chain(&view.family, view.t, all),
+            Some(PixelFamily::Lens(family, t)) => self.chain(&family, t, all),
             None => NOTHING,
         }
     }
@@ -87,7 +90,7 @@ impl EdgeDetector<'_> {
     pub fn pixel_map(&self, [x0, y0, w, h]: [u32; 4]) -> Vec<Cell> {
         rows(w, h, |x, y| {
             let verdict = self.pixel(x0 + x, y0 + y, true);
-            let chain = self.pixel_chain(x0 + x, y0 + y);
+            let chain = self.pixel_chain(x0 + x, y0 + y, true);
             Cell {
                 event: verdict.needs_samples(),
                 kinds: verdict.kinds() | chain.kinds,
@@ -99,7 +102,7 @@ impl EdgeDetector<'_> {
     /// The map of what pixels see in mirrors and through glass.
     pub fn chain_map(&self, [x0, y0, w, h]: [u32; 4]) -> Vec<Cell> {
         rows(w, h, |x, y| {
-            let Events { kinds, distance, .. } = self.pixel_chain(x0 + x, y0 + y);
+            let Events { kinds, distance, .. } = self.pixel_chain(x0 + x, y0 + y, true);
             Cell { event: kinds != super::Kinds::NONE, kinds, distance }
         })
     }

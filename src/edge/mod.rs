@@ -9,15 +9,18 @@
 //! * `gather`, `polygon`, `curved`, `outline`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
 //! * [`detector`], `detect`, `swaps`: `any` and `all` queries; [`kinds`]: what they answer
 //! * [`mod@highlight`]: where a light leaves a glossy lobe
-//! * [`predicted`], `confirmed`, [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
+//! * [`predicted`], `bundle`, `beam`, `lens`, `clear_lens`, `confirmed`, [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
 //! * [`oracle`], [`score`]: brute force, and the detector held against it
 //! * [`mod@map`], [`unrolled`]: maps of pixels, of a light, of emission
 //!
 //! Source: DESIGN.md section 1, METHODS.md 3.B; Namae and Makino for the corner test. Exact to rounding for polygons and quadrics where the
 //! origin or the direction is fixed.
 //! Not handled: caustic folds, depth swaps of a mesh with itself at a shared corner.
+mod beam;
+mod bundle;
 pub mod chain;
 pub mod chord;
+mod clear_lens;
 mod confirmed;
 mod curved;
 mod detect;
@@ -27,6 +30,7 @@ mod gather;
 pub mod hard_shadow;
 pub mod highlight;
 pub mod kinds;
+mod lens;
 pub mod light;
 mod linear;
 pub mod map;

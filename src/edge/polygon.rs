@@ -41,20 +41,21 @@ impl Polygon {
     /// `prim` of a whole rectangle.
     pub const RECTANGLE: u32 = u32::MAX;
 
-    /// Of a triangle or parallelogram. `None` if it does not reach the footprint, is seen edge-on or lies outside of the rays'
-    /// range.
+    /// Of a triangle or parallelogram. `None` if it does not reach the footprint, is seen edge-on, lies outside of the rays' range or
+    /// beyond the ray parameter `end`.
     #[inline(always)]
-    pub fn new<const N: usize>(view: &View, shape: u32, prim: u32, points: &[DVec3; N]) -> Option<Self> {
+    pub fn new<const N: usize>(view: &View, shape: u32, prim: u32, points: &[DVec3; N], end: f64) -> Option<Self> {
         let mut corners = [[0.0; 4]; 4];
         // Separated by a side of the footprint?
-        let mut outside = 0b1111;
+        let (mut outside, mut beyond) = (0b1111, true);
         for k in 0..N {
             let c = view.project(points[k]);
-            let [w, x, y, _] = c;
+            let [w, x, y, key] = c;
+            beyond &= (if view.perspective { w } else { key }) > end;
             outside &= u8::from(x > w) | u8::from(x < -w) << 1 | u8::from(y > w) << 2 | u8::from(y < -w) << 3;
             corners[k] = c;
         }
-        if outside != 0 {
+        if outside != 0 || beyond {
             return None;
         }
         let [a, b, c, d] = &corners;

@@ -9,20 +9,23 @@
 //! With duals of second order what lies beyond the first is a bound first (`Linear::rest`), and for lines that pass it the exact
 //! range of the quadratic margin.
 //!
-//! Hidden edges are sorted out afterwards (`confirmed`).
-//! Not handled: depth swaps; silhouettes of cylinders move with the origin to zeroth order only.
+//! Polygons that cross swap their depth order at the segment they share, an edge like others. Hidden edges are sorted out afterwards
+//! (`confirmed`).
+//! Not handled: depth swaps of curved surfaces, and any in chains; silhouettes of cylinders move with the origin to zeroth order only.
 
 use super::Facet;
+use super::bundle::Bundle;
 use super::kinds::Kinds;
+use super::lens::Lens;
 use super::linear::Linear;
 use super::view::{from_dual, to_dual};
-use crate::accel::footprint::{Beam, Visitor};
+use crate::accel::footprint::Visitor;
 use crate::math::{DVec3, Vec3 as Vec3f};
 use crate::scene::mesh::EdgeClass;
 use crate::scene::{Geometry, Scene};
 use arrayvec::ArrayVec;
 use dualux_dual::{
-    Cylinder, Expansion, Jet, Plane, Ray, Vec3, bounds, margins,
+    Cylinder, Expansion, Jet, Ray, Vec3, bounds, margins,
     num_dual::{Dual2SVec64, DualSVec64},
 };
 use std::f64::consts::TAU;
@@ -35,6 +38,8 @@ pub type D2N<const N: usize> = Dual2SVec64<N>;
 
 /// Most edges kept.
 const MOST: usize = 48;
+/// Polygons that are held against each other, at most.
+const MOST_FLATS: usize = 8;
 /// Sides of a rim.
 const RIM: usize = 32;
 
@@ -54,58 +59,6 @@ pub(super) struct Edge<const N: usize> {
     pub near: f64,
 }
 
-/// A vector with its derivatives.
-pub(super) struct Bundle<const N: usize> {
-    pub value: DVec3,
-    pub by: [DVec3; N],
-    /// Second derivatives; zero for duals of first order.
-    pub twice: [[DVec3; N]; N],
-    /// Bound, by component, of the part of second order.
-    pub rest: DVec3,
-}
-
-impl<const N: usize> Bundle<N> {
-    /// `grow`: by how much the footprint is enlarged.
-    #[inline(always)]
-    fn new<J: Jet<N, Primitive = f64>>(v: Vec3<J>, grow: f64) -> Self {
-        let by = std::array::from_fn(|k| from_dual(v.partial(k)) * grow);
-        let mut twice = [[DVec3::ZERO; N]; N];
-        if J::NDERIV >= 2 {
-            let [x, y, z] = v.map(|c| c.hessian()).to_array();
-            twice =
-                std::array::from_fn(|i| std::array::from_fn(|j| DVec3::new(x[i][j], y[i][j], z[i][j]) * (grow * grow)));
-        }
-        Bundle { value: from_dual(v.re()), by, twice, rest: DVec3::ZERO }.bounded()
-    }
-
-    fn bounded(mut self) -> Self {
-        self.rest = 0.5 * self.twice.iter().flatten().fold(DVec3::ZERO, |s, v| s + v.abs());
-        self
-    }
-
-    /// At p.
-    pub fn at(&self, p: &[f64; N]) -> DVec3 {
-        let mut v = self.value;
-        for i in 0..N {
-            v += self.by[i] * p[i];
-            for j in 0..N {
-                v += self.twice[i][j] * (0.5 * p[i] * p[j]);
-            }
-        }
-        v
-    }
-
-    /// The box of its values, rounded outwards.
-    fn spread(&self) -> [Vec3f; 2] {
-        let reach = self.by.iter().fold(self.rest, |r, g| r + g.abs());
-        let bound = |x: DVec3, to: fn(f32) -> f32| {
-            let x = x.as_vec3();
-            Vec3f::new(to(x.x), to(x.y), to(x.z))
-        };
-        [bound(self.value - reach, f32::next_down), bound(self.value + reach, f32::next_up)]
-    }
-}
-
 /// Collects predicted edges.
 pub(super) struct Predictor<'a, J, const N: usize> {
     scene: &'a Scene,
@@ -116,10 +69,18 @@ pub(super) struct Predictor<'a, J, const N: usize> {
     /// Derivatives of o x d, seen from the centre ray's origin.
     q: Bundle<N>,
     pub round: bool,
+    /// The rays as those of a lens, if they are.
+    pub lens: Option<Lens>,
     pub exclude: Facet,
+    /// Square of the distance of origins from the centre ray's, at most.
+    start: f64,
     limit: f32,
     pub edges: ArrayVec<Edge<N>, MOST>,
     rectangles: ArrayVec<u32, 8>,
+    /// Polygons that may be met, with their shapes.
+    flats: ArrayVec<(u32, ArrayVec<DVec3, 4>), MOST_FLATS>,
+    /// Whether depth swaps are looked for.
+    pub keeps_flats: bool,
     /// Farthest t of surfaces that cover the footprint.
     pub cover: f64,
     pub trouble: Kinds,
@@ -130,32 +91,26 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
     #[inline(always)]
     pub fn new(scene: &'a Scene, ray: &Ray<J>, end: f64, exclude: Facet, round: bool, grow: f64) -> Self {
         let (o, d) = (Bundle::new(ray.o, grow), Bundle::new(ray.d, grow));
-        let mut q = Bundle {
-            value: DVec3::ZERO,
-            by: o.by.map(|g| g.cross(d.value)),
-            twice: [[DVec3::ZERO; N]; N],
-            rest: DVec3::ZERO,
-        };
-        if J::NDERIV >= 2 {
-            q.twice = std::array::from_fn(|i| {
-                std::array::from_fn(|j| o.twice[i][j].cross(d.value) + o.by[i].cross(d.by[j]) + o.by[j].cross(d.by[i]))
-            });
-            q = q.bounded();
-        }
+        let q = o.moment(&d, J::NDERIV >= 2);
+        let lens = if round { Lens::new(o.value, &o.by, d.value, &d.by) } else { None };
         Predictor {
             scene,
             ray: *ray,
             grow,
-            o,
-            d,
             q,
             round,
+            lens,
+            start: o.by.iter().fold(o.rest, |s, v| s + v.abs()).length_squared(),
             exclude,
             limit: end as f32,
             edges: ArrayVec::new(),
             rectangles: ArrayVec::new(),
+            flats: ArrayVec::new(),
+            keeps_flats: false,
             cover: f64::INFINITY,
             trouble: Kinds::NONE,
+            o,
+            d,
         }
     }
 
@@ -229,63 +184,82 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         points: &[DVec3; K],
         kind: impl Fn(&Self, usize) -> Option<Kinds>,
     ) {
-        let margins: [Linear<N>; K] = std::array::from_fn(|k| self.line(points[k], points[(k + 1) % K]));
-        let (mut above, mut below, mut any) = (0, 0, false);
-        for m in &margins {
-            let reach = m.reach(self.round);
-            above += usize::from(m.value > reach);
-            below += usize::from(m.value < -reach);
-            any |= m.vanishes(self.round);
-        }
+        let lens = self.lens.map(|lens| (lens, points.map(|x| lens.project(x))));
+        let margins: [Linear<N>; K] = match &lens {
+            Some((lens, p)) => std::array::from_fn(|k| lens.line(p[k], p[(k + 1) % K])),
+            None => std::array::from_fn(|k| self.line(points[k], points[(k + 1) % K])),
+        };
+        let sides = margins.each_ref().map(|m| m.side(self.round));
+        let (above, below) = (sides.contains(&1), sides.contains(&-1));
         // Clearly beside one side and within another: no ray meets it.
-        if above > 0 && below > 0 {
+        if above && below {
             return;
         }
         self.passes(shape);
-        if above == K || below == K {
-            let n = (points[1] - points[0]).cross(points[2] - points[0]);
-            let t = Plane::new(to_dual(points[0]), to_dual(n)).t(&self.ray);
-            let t = Linear::from(self.enlarged(t.expansion()));
-            let (near, far) = (t.value - t.reach(self.round), t.value + t.reach(self.round));
-            if near > 0.0 && far < self.cover {
+        if self.keeps_flats {
+            let _ = self.flats.try_push((shape, points.iter().copied().collect()));
+        }
+        if !sides.contains(&0) {
+            let far = match &lens {
+                Some((lens, p)) => lens.covered_up_to([p[0], p[1], p[2]]),
+                None => self.covered_up_to((points[1] - points[0]).cross(points[2] - points[0]), points[0]),
+            };
+            if let Some(far) = far.filter(|far| *far < self.cover) {
                 self.cover = far;
                 self.limit = self.limit.min(far as f32 * 1.000_001);
             }
+            return;
         }
-        if any {
-            for k in 0..K {
-                if margins[k].vanishes(self.round)
-                    && let Some(kind) = kind(self, k)
-                {
-                    self.segment(kind, shape, margins[k], [points[k], points[(k + 1) % K]]);
+        for k in 0..K {
+            if sides[k] == 0
+                && !(shape == self.exclude.shape && self.starts_at([points[k], points[(k + 1) % K]]))
+                && let Some(kind) = kind(self, k)
+            {
+                self.segment(kind, shape, margins[k], [points[k], points[(k + 1) % K]]);
+            }
+        }
+    }
+
+    /// Whether an edge of the mesh that the rays start from lies where they start: the ray before saw it, if it shows.
+    fn starts_at(&self, ends: [DVec3; 2]) -> bool {
+        let d = self.d.value;
+        let farthest = ends.map(|x| d.dot(x - self.o.value)).into_iter().fold(f64::MIN, f64::max);
+        farthest * farthest.abs() <= self.start * d.length_squared()
+    }
+
+    /// Polygons of different shapes that cross each other: they swap their depth order at the segment they share.
+    pub fn swaps(&mut self) {
+        for i in 0..self.flats.len() {
+            for j in 0..i {
+                let ((shape, a), (other, b)) = (&self.flats[i], &self.flats[j]);
+                if shape == other {
+                    continue;
+                }
+                let dual = |p: &ArrayVec<DVec3, 4>| p.iter().map(|x| to_dual(*x)).collect::<ArrayVec<_, 4>>();
+                if let Some(ends) = margins::shared_segment(&dual(a), &dual(b)) {
+                    let (shape, ends) = (*shape, ends.map(from_dual));
+                    self.segment(Kinds::SWAP, shape, self.line(ends[0], ends[1]), ends);
                 }
             }
         }
+    }
+
+    /// A bound of the ray parameters at which the rays meet the plane through x with normal n; `None` unless all of them do.
+    fn covered_up_to(&self, n: DVec3, x: DVec3) -> Option<f64> {
+        let range = |b: &Bundle<N>| {
+            let by = b.by.map(|g| n.dot(g));
+            Linear { value: n.dot(b.value), gradient: by, rest: b.rest.dot(n.abs()) }.reach(self.round)
+        };
+        let (height, speed) = (n.dot(x - self.o.value), n.dot(self.d.value));
+        let (height, speed) = (height * speed.signum(), speed.abs());
+        let (above, slowest) = (range(&self.o), speed - range(&self.d));
+        (height > above && slowest > 0.0).then(|| (height + above) / slowest)
     }
 
     /// Notes that a surface which may be met lets rays pass.
     fn passes(&mut self, shape: u32) {
         if self.scene.passes_light[self.scene.shapes[shape as usize].material as usize] {
             self.trouble |= Kinds::UNKNOWN;
-        }
-    }
-
-    /// What side k of a triangle of a mesh is.
-    fn mesh_edge(&self, shape: u32, prim: u32, k: usize, points: &[DVec3; 3]) -> Option<Kinds> {
-        let Geometry::Mesh(mesh) = &self.scene.shapes[shape as usize].geometry else { return None };
-        let normal = |c: &[DVec3; 3]| to_dual((c[1] - c[0]).cross(c[2] - c[0]));
-        match (mesh.edges[prim as usize][k], mesh.neighbors[prim as usize][k]) {
-            (EdgeClass::Never, _) => None,
-            (_, u32::MAX) => Some(Kinds::BOUNDARY),
-            (class, n) => {
-                let other = mesh.corners(n).map(|c| c.as_dvec3());
-                let o_p = self.o.by.map(to_dual);
-                let (n1, n2) = (normal(points), normal(&other));
-                match margins::may_be_silhouette(to_dual(self.o.value), &o_p, to_dual(points[k]), n1, n2) {
-                    true => Some(Kinds::SILHOUETTE),
-                    false => (class == EdgeClass::Always).then_some(Kinds::CREASE),
-                }
-            }
         }
     }
 
@@ -334,10 +308,32 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         let near = t.value * (1.0 - radius * radius / dist2) - t.reach(self.round);
         self.push(Edge { kind: Kinds::SILHOUETTE, shape, margin, bend, s: None, t, near });
     }
+}
 
-    /// The boxes of origins and directions.
-    pub fn beam(&self, t: [f64; 2]) -> Beam {
-        Beam { o: self.o.spread(), d: self.d.spread(), tmin: t[0] as f32, tmax: t[1] as f32, sides: None }
+/// What side k of a triangle of a mesh (shape, triangle) is, seen from origins o + sum p_k o_k, which lie on the facet `from`.
+pub(super) fn mesh_edge<const N: usize>(
+    scene: &Scene,
+    [shape, prim]: [u32; 2],
+    k: usize,
+    from: Facet,
+    o: DVec3,
+    o_p: &[DVec3; N],
+) -> Option<Kinds> {
+    let Geometry::Mesh(mesh) = &scene.shapes[shape as usize].geometry else { return None };
+    let (class, other) = (mesh.edges[prim as usize][k], mesh.neighbors[prim as usize][k]);
+    if class == EdgeClass::Never || from == (Facet { shape, prim: other }) {
+        return None;
+    }
+    if other == u32::MAX {
+        return Some(Kinds::BOUNDARY);
+    }
+    let corners = |prim: u32| mesh.corners(prim).map(|c| c.as_dvec3());
+    let normal = |c: &[DVec3; 3]| to_dual((c[1] - c[0]).cross(c[2] - c[0]));
+    let points = corners(prim);
+    let (n1, n2) = (normal(&points), normal(&corners(other)));
+    match margins::may_be_silhouette(to_dual(o), &o_p.map(to_dual), to_dual(points[k]), n1, n2) {
+        true => Some(Kinds::SILHOUETTE),
+        false => (class == EdgeClass::Always).then_some(Kinds::CREASE),
     }
 }
 
@@ -353,7 +349,10 @@ impl<J: Jet<N, Primitive = f64>, const N: usize> Visitor for Predictor<'_, J, N>
             _ if self.exclude == (Facet { shape: index, prim }) => {}
             _ => {
                 let points = corners.map(|p| p.as_dvec3());
-                self.polygon(index, &points, |this, k| this.mesh_edge(index, prim, k, &points));
+                let from = self.exclude;
+                self.polygon(index, &points, |this, k| {
+                    mesh_edge(this.scene, [index, prim], k, from, this.o.value, &this.o.by)
+                });
             }
         }
         if self.trouble == Kinds::NONE { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }

@@ -107,7 +107,7 @@ pub fn chain_cost(detector: &EdgeDetector, window: [u32; 4]) -> (f64, f64) {
             return None;
         }
         let query = time(&pixels, |&(x, y)| {
-            black_box(detector.pixel_chain(x, y));
+            black_box(detector.pixel_chain(x, y, false));
         });
         let plain = time(&pixels, |&(x, y)| {
             black_box(detector.follow(&ray(x, y)));

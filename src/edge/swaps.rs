@@ -3,17 +3,20 @@
 //! Two planes swap where the difference of their keys vanishes (degree 1, exact), cut to both outlines: polygons by their sides, disks
 //! by their hit condition, quadratic along the line. A sphere and a plane, or two spheres, swap on the circle they share
 //! (`dualux_dual::margins`), a cylinder and a plane on an ellipse or two lines, where that is what rays meet first of both.
-//! A cylinder and a sphere or cylinder share a curve of degree 4: they swap if their order differs between the footprint's corners
-//! and middle, a prediction.
+//! A cylinder and a sphere or cylinder share a curve of degree 4: they swap if their order differs among `ASKED` x `ASKED` points of
+//! the footprint, a prediction.
 //! Not handled: one mesh with itself where the two triangles share a corner.
 
 use super::chord::{Chord, clip, keep, keep_affine};
-use super::curved::{CORNERS, Circle, Surface, arcs, ellipse_at};
+use super::curved::{Circle, Surface, arcs, ellipse_at};
 use super::detect::{Detection, Mode, Owner, length, line_in_square};
 use super::kinds::Kinds;
 use super::view::{Affine, at, from_dual, range, to_dual};
 use crate::math::DVec3;
 use dualux_dual::{Cylinder, Disk, Plane, margins};
+
+/// Points asked per axis for the order of two curved surfaces.
+const ASKED: usize = 9;
 
 /// A flat surface by its place in the lists, with a point and the normal of its plane, and its depth key.
 struct Flat {
@@ -208,12 +211,15 @@ impl Detection<'_> {
         owners.iter().all(met) && self.offer(Kinds::SWAP, part, [0.0; 2], owners.map(Some))
     }
 
-    /// Whether the order of two curved surfaces differs among the footprint's corners and middle.
+    /// Whether the order of two curved surfaces differs among points of the footprint.
     fn order_differs(&self, i: usize, j: usize) -> bool {
         let [a, b] = [i, j].map(|k| &self.surfaces.curved[k]);
         let mut seen = [false; 2];
-        for p in CORNERS.iter().chain(&[[0.0; 2]]) {
-            if let (Some(s), Some(t)) = (a.hit(self.view, *p), b.hit(self.view, *p)) {
+        // From corner to corner.
+        let at = |k: usize| 2.0 * k as f64 / (ASKED - 1) as f64 - 1.0;
+        for k in 0..ASKED * ASKED {
+            let p = [at(k % ASKED), at(k / ASKED)];
+            if let (Some(s), Some(t)) = (a.hit(self.view, p), b.hit(self.view, p)) {
                 seen[usize::from(s < t)] = true;
             }
         }

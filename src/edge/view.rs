@@ -222,7 +222,7 @@ impl View {
         let rounding = 32.0 * f32::EPSILON * (reach + o.abs().max_element());
         // A prism's planes stand off its middle by one half width each, which is 1 in p.
         let width = if self.perspective { 0.0 } else { 1.0 + 1e-6 };
-        beam.sides = Some(Sides { o, n, slack: n.map(|n| rounding * n.abs().element_sum() + width) });
+        beam.sides = Some(Sides { o, n, slack: n.map(|n| rounding * n.abs().element_sum() + width), waist: None });
         beam
     }
 }

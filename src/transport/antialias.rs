@@ -109,7 +109,7 @@ impl<'a> Aliasing<'a> {
         }
         let Some((ray, at)) = self.detector.first_hit(x, y) else { return Causes::default() };
         let bsdf = self.world.bsdf(&at, -ray.d);
-        if bsdf.min_alpha() == 0.0 && self.detector.film_patch_chain(centre, half).kinds != Kinds::NONE {
+        if bsdf.min_alpha() == 0.0 && self.detector.film_patch_chain(centre, half, false).kinds != Kinds::NONE {
             causes |= Causes::CHAIN.0;
         }
         if bsdf.is_delta() || (self.lights.is_empty() && !self.textured) {

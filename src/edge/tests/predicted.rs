@@ -59,7 +59,7 @@ fn four(rng: &mut Rng, round: bool, footprints: usize, family: impl Fn(&mut Rng)
         let ray = family.ray::<D1<4>>();
         let t = [0.0, f64::INFINITY];
         let front = detector.first(&family, t);
-        let question = Question { t, exclude: Facet::NONE, round, grow: 1.0, all: false };
+        let question = Question { t, exclude: Facet::NONE, round, grow: 1.0, all: false, swaps: true };
         let flagged = detector.predict_in(&ray, question, || front).needs_samples();
         count.add(oracle::sight4(&scene, &accel, &family, t, 5, round), flagged);
     }
@@ -131,7 +131,7 @@ fn chains(seed: u64, material: Material, smooth: ShapeDesc, half: f64, footprint
         let aim = DVec3::new(rng.range(-0.9, 0.9), rng.range(-0.9, 0.9), 0.0);
         let view: View = super::random_view(&mut rng, o, aim, half);
         let Some(truth) = oracle::chain(&detector, &view, 10) else { continue };
-        let found = detector.chain(&view.family, view.t);
+        let found = detector.chain(&view.family, view.t, true);
         count.add(truth, found.kinds != Kinds::NONE);
     }
     count
