@@ -147,7 +147,7 @@ fn a_plane_mirror_shows_the_edges_of_what_is_before_it() {
     let mirror = quad(DVec3::ZERO, DVec3::X * 3.0, DVec3::Y * 3.0);
     let count = chains(23, silver(), mirror, 0.01, 3000);
     assert!(count.0 > 300, "{count:?}");
-    assert!(count.recall() >= 0.99, "recall {} of {count:?}", count.recall());
+    assert!(count.recall() == 1.0, "recall {} of {count:?}", count.recall());
     assert!(count.precision() >= 0.8, "precision {} of {count:?}", count.precision());
 }
 
@@ -157,9 +157,9 @@ fn a_glass_ball_shows_the_edges_behind_it_and_in_it() {
     let glass = Material::Dielectric { eta: 1.5, specular_reflectance: white.clone(), specular_transmittance: white };
     let count = chains(24, glass, ball(DVec3::ZERO, 1.5), 0.002, 6000);
     assert!(count.0 > 300, "{count:?}");
-    // Eight segments, most of them bent twice and more: predictions of first order.
-    assert!(count.recall() >= 0.95, "recall {} of {count:?}", count.recall());
-    assert!(count.precision() >= 0.65, "precision {} of {count:?}", count.precision());
+    // Eight segments, most of them bent twice and more, of shapes that cross each other.
+    assert!(count.recall() >= 0.96, "recall {} of {count:?}", count.recall());
+    assert!(count.precision() >= 0.8, "precision {} of {count:?}", count.precision());
 }
 
 #[test]

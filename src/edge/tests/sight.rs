@@ -113,6 +113,48 @@ fn the_walk_is_the_same_for_all_instructions() {
     assert!(visits > 3000, "{visits}");
 }
 
+#[test]
+fn the_walk_of_a_lens_is_the_same_for_all_instructions_and_leaves_out_what_no_ray_meets() {
+    let mut rng = Rng(8, 0);
+    let (scene, accel) = scene(soup(&mut rng, 300, 3));
+    let portable = Accel::with_simd(&scene.shapes, crate::accel::Simd::Portable);
+    let (mut with, mut without, mut met) = (0, 0, 0);
+    for _ in 0..1000 {
+        let (o, aim) = (rng.cube(1.0) + DVec3::Z * 7.0, rng.cube(2.0));
+        let d = (aim - o) / rng.range(3.0, 9.0);
+        let (u, v) = d.normalize().any_orthonormal_pair();
+        let (size, radius) = (rng.range(0.002, 0.02), rng.range(0.05, 0.3));
+        let [o2, o3, d0, d1] = [u * radius, v * radius, u * size, v * size];
+        let focus = rng.range(3.0, 9.0);
+        let o_p = [DVec3::ZERO, DVec3::ZERO, o2, o3].map(to_dual);
+        let d_p = [d0, d1, o2 * (-1.0 / focus), o3 * (-1.0 / focus)].map(to_dual);
+        let family = Family::new(to_dual(o), o_p, to_dual(d), d_p);
+        let [all_o, all_d] = [family.o_p, family.d_p].map(|v| v.map(crate::edge::view::from_dual));
+        let lens = crate::edge::lens::Lens::new(o, &all_o, d, &all_d).unwrap();
+        let beam = crate::edge::beam::of_lens(&family, &lens, [0.0, f64::INFINITY], 10.0);
+        let (mut a, mut b, mut c) = (Sequence::default(), Sequence::default(), Sequence::default());
+        accel.walk(&beam, &mut a);
+        portable.walk(&beam, &mut b);
+        accel.walk(&crate::accel::footprint::Beam { sides: None, ..beam }, &mut c);
+        assert_eq!(a.0, b.0);
+        with += a.0.len();
+        without += c.0.len();
+        for _ in 0..20 {
+            let (angle, r) = (rng.range(0.0, std::f64::consts::TAU), rng.unit().sqrt());
+            let p = [rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), r * angle.cos(), r * angle.sin()];
+            let ray = family.at(p);
+            let to = |v: dualux_dual::Vec3<f64>| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
+            let ray = crate::accel::Ray { o: to(ray.o), d: to(ray.d), tmin: 0.0, tmax: 5.0 };
+            if let Some(hit) = accel.closest(&ray) {
+                met += 1;
+                let seen = |v: &(u32, u32, [Vec3; 3])| v.0 == hit.shape && (v.1 == hit.prim || v.1 == u32::MAX);
+                assert!(a.0.iter().any(seen), "{hit:?} missed");
+            }
+        }
+    }
+    assert!(met > 3000 && with * 2 < without, "{met} {with} {without}");
+}
+
 /// Recall and precision of `any` against the oracle, over random footprints of one origin.
 fn sight_score(seed: u64, kinds: usize, footprints: usize, settings: Settings) -> (usize, usize, usize, usize) {
     let mut rng = Rng(seed, 0);
@@ -143,7 +185,7 @@ fn bounds_miss_no_edge_of_polygons_and_spheres() {
 
 #[test]
 fn bounds_miss_next_to_nothing_of_disks_and_cylinders() {
-    // Where a cylinder crosses a cylinder or sphere, their order is asked of five rays.
+    // Where a cylinder crosses a cylinder or sphere, their order is asked of 81 rays.
     let (edges, flagged, both, missed) = sight_score(3, 5, 6000, Settings::default());
     assert!(edges > 1000 && missed * 300 <= edges, "{missed} of {edges} missed");
     assert!(both * 100 >= flagged * 85, "precision {both} of {flagged}");
