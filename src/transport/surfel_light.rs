@@ -305,8 +305,10 @@ impl SurfelLight {
                         let stream = (start + i) as u64;
                         let key = hash(settings.seed, DIRECT);
                         let places = self.surfels.places_of(world, start + i, samples, key, stream, &mut counts);
-                        let by_caustics: Rgb = places.iter().map(|at| caustic(at.p, at.n_shade)).sum();
-                        by_caustics / places.len() as f32 + direct(world, &places, samples, key, stream, &mut counts)
+                        // Of caustics one place must do: asking for them costs as much as many shadow rays.
+                        let somewhere = &places[0];
+                        caustic(somewhere.p, somewhere.n_shade)
+                            + direct(world, &places, samples, key, stream, &mut counts)
                     }
                 };
                 (if own.is_finite() { own } else { Rgb::ZERO }, counts)
