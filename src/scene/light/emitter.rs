@@ -262,8 +262,11 @@ impl Lights {
         match self.emitters[emitter as usize].source {
             Source::Surface { shape, prim, patch, .. } => {
                 let shape = &shapes[shape as usize];
-                let all_round =
-                    EmitterBounds { cos_normals: -1.0, ..flat(&[shape.bounds().0, shape.bounds().1], Vec3::Z) };
+                // Of a mesh this looks at all of its vertices: not to be asked for each of its triangles.
+                let all_round = || {
+                    let (lo, hi) = shape.bounds();
+                    EmitterBounds { cos_normals: -1.0, ..flat(&[lo, hi], Vec3::Z) }
+                };
                 Some(match (self.patches.get(patch as usize), &shape.geometry) {
                     (Some(patch), _) => {
                         let r = &patch.rectangle;
@@ -276,10 +279,10 @@ impl Lights {
                         let cos = m.triangles[prim as usize].map(vertex).into_iter().fold(1.0, f32::min);
                         EmitterBounds { cos_normals: cos.max(-1.0), ..flat(&m.corners(prim), n) }
                     }
-                    (None, Geometry::Disk(d)) => EmitterBounds { axis: d.n, cos_normals: 1.0, ..all_round },
+                    (None, Geometry::Disk(d)) => EmitterBounds { axis: d.n, cos_normals: 1.0, ..all_round() },
                     // Seen from any side: a quarter of the surface, and the section along the axis.
-                    (None, Geometry::Sphere(_)) => EmitterBounds { intensity: 0.25 * intensity, ..all_round },
-                    (None, _) => EmitterBounds { intensity: intensity * FRAC_1_PI, ..all_round },
+                    (None, Geometry::Sphere(_)) => EmitterBounds { intensity: 0.25 * intensity, ..all_round() },
+                    (None, _) => EmitterBounds { intensity: intensity * FRAC_1_PI, ..all_round() },
                 })
             }
             Source::Delta(k) => match &self.deltas[k as usize] {
