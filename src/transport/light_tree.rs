@@ -121,7 +121,10 @@ impl LightTree {
     fn build(&mut self, list: &mut [(Bounds, u32)], parent: Option<(u32, u8)>) -> u32 {
         let of = |part: &[(Bounds, u32)]| part.iter().map(|x| x.0).reduce(Bounds::union);
         // Cut the costliest part until there are enough of them.
-        let mut parts = vec![(0..list.len(), of(list))];
+        let mut parts = match list.len() {
+            n if n <= WIDTH => (0..n).map(|i| (i..i + 1, Some(list[i].0))).collect(),
+            n => vec![(0..n, of(list))],
+        };
         while parts.len() < WIDTH {
             let cost = |p: &(std::ops::Range<usize>, Option<Bounds>)| p.1.map_or(0.0, |b| b.cost(1.0));
             let cuttable = (0..parts.len()).filter(|&i| parts[i].0.len() > 1);

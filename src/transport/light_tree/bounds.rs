@@ -30,6 +30,13 @@ impl Cone {
 
     /// The smallest cone that holds both, or nearly so.
     pub(super) fn union(self, other: Cone) -> Cone {
+        // What is common among many lamps needs no angles.
+        if self == other || self.cos <= -1.0 {
+            return self;
+        }
+        if other.cos <= -1.0 {
+            return other;
+        }
         let angle = |c: f32| f64::from(c.clamp(-1.0, 1.0)).acos();
         let (a, b) = (angle(self.cos), angle(other.cos));
         let between = {
@@ -99,18 +106,30 @@ pub(super) fn split(list: &mut [(Bounds, u32)]) -> usize {
         let x = (b.centre()[axis] - lo[axis]) / extent[axis];
         ((x * BUCKETS as f32) as usize).min(BUCKETS - 1)
     };
+    let join = |a: Option<Bounds>, b: Option<Bounds>| match (a, b) {
+        (Some(a), Some(b)) => Some(a.union(b)),
+        (a, b) => a.or(b),
+    };
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in (0..3).filter(|&a| extent[a] > 0.0) {
         let mut buckets: [Option<Bounds>; BUCKETS] = [None; BUCKETS];
         for (b, _) in list.iter() {
             let slot = &mut buckets[bucket(b, axis)];
-            *slot = Some(slot.map_or(*b, |s| s.union(*b)));
+            *slot = join(*slot, Some(*b));
         }
-        let join = |part: &[Option<Bounds>]| part.iter().flatten().copied().reduce(Bounds::union);
+        // All from each bucket on, and then those before it, one after the other.
+        let mut from = buckets;
+        (0..BUCKETS - 1).rev().for_each(|k| from[k] = join(from[k + 1], from[k]));
+        let mut before = None;
         // Thin boxes cost more to cut the short way.
         let stretch = extent.max_element() / extent[axis];
         for cut in 1..BUCKETS {
-            let (Some(a), Some(b)) = (join(&buckets[..cut]), join(&buckets[cut..])) else { continue };
+            if buckets[cut - 1].is_none() && before.is_some() {
+                // The same two parts as the cut before.
+                continue;
+            }
+            before = join(before, buckets[cut - 1]);
+            let (Some(a), Some(b)) = (before, from[cut]) else { continue };
             let cost = a.cost(stretch) + b.cost(stretch);
             if best.is_none_or(|(c, ..)| cost < c) {
                 best = Some((cost, axis, cut));
@@ -120,7 +139,9 @@ pub(super) fn split(list: &mut [(Bounds, u32)]) -> usize {
     let middle = list.len() / 2;
     let Some((_, axis, cut)) = best else { return middle };
     // A stable partition.
-    list.sort_by_key(|(b, _)| bucket(b, axis) >= cut);
-    let first = list.iter().take_while(|(b, _)| bucket(b, axis) < cut).count();
-    if first == 0 || first == list.len() { middle } else { first }
+    let (mut first, second): (Vec<_>, Vec<_>) = list.iter().partition(|(b, _)| bucket(b, axis) < cut);
+    let count = first.len();
+    first.extend(second);
+    list.copy_from_slice(&first);
+    if count == 0 || count == list.len() { middle } else { count }
 }
