@@ -80,6 +80,9 @@ pub struct RenderArgs {
     /// Write counts, times and the error curve to this file.
     #[arg(long, value_name = "FILE")]
     pub stats_json: Option<PathBuf>,
+    /// Write the points that the last pass was made of (many-light: virtual lights) to this PLY file.
+    #[arg(long, value_name = "FILE")]
+    pub points: Option<PathBuf>,
     /// Take one sample again, as reported for samples that were not finite, and print it.
     #[arg(long, value_name = "X,Y,INDEX[,PASS]", value_parser = options::sample_address)]
     pub replay: Option<InvalidSample>,
@@ -134,10 +137,10 @@ pub struct ManyLightArgs {
     /// How chance decisions of one sum depend on each other [default: systematic].
     #[arg(long, value_enum)]
     pub coins: Option<Coins>,
-    /// Virtual lights per pass, about; K and M suffixes are understood [default: 4096].
+    /// Virtual lights per pass, about; K and M suffixes are understood [default: one for 16 pixels, 1024 to 16384].
     #[arg(long, value_name = "N", value_parser = options::positive)]
     pub vpls: Option<u64>,
-    /// Cache points of visibility [default: 256].
+    /// Cache points of visibility [default: 64].
     #[arg(long, value_name = "N", value_parser = options::positive)]
     pub cache_points: Option<u64>,
     /// Standard deviation per light of the strategies culling and hierarchical, radiance [default: the best for the picture].
@@ -302,6 +305,12 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     reporter.finish();
 
     output.write(&done.film, done.passes, start.elapsed(), start.elapsed())?;
+    if let Some(path) = &args.points {
+        match integrator.points_ply() {
+            Some(bytes) => atomic::write_file(path, &bytes)?,
+            None => tell(format_args!("note: the integrator {} has no points to write", integrator.name())),
+        }
+    }
     let remarks = session::remarks(&scene, integrator, &done);
     let (mean, standard_error) = done.film.mean_and_error();
     let total_seconds = start.elapsed().as_secs_f64();
@@ -365,6 +374,7 @@ fn output(args: &RenderArgs, frame: (usize, usize), seed: u64) -> Result<Output,
     if args.replay.is_none() {
         output.paths.iter().try_for_each(|path| check_name(path))?;
         args.stats_json.as_deref().map_or(Ok(()), atomic::check)?;
+        args.points.as_deref().map_or(Ok(()), atomic::check)?;
     }
     Ok(output)
 }

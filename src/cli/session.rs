@@ -89,7 +89,7 @@ fn many_light_settings(args: &RenderArgs, scene: &Scene) -> ManyLightSettings {
             coins: flags.coins.unwrap_or_default(),
             epsilon: flags.epsilon.map(|e| (e as f32).max(1e-20)),
         },
-        vpls: flags.vpls.map_or(default.vpls, |n| n as usize),
+        vpls: flags.vpls.map(|n| n as usize),
         cache_points: flags.cache_points.map_or(default.cache_points, |n| n as usize),
         compensate: !flags.no_compensation,
         area: flags.vpl_area.map_or(default.area, |a| a as f32),

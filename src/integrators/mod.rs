@@ -95,6 +95,11 @@ pub trait Integrator: Sync {
         Vec::new()
     }
 
+    /// Points that the last pass was made of, as a PLY file, if there are any to show.
+    fn points_ply(&self) -> Option<Vec<u8>> {
+        None
+    }
+
     /// What the user should know after the run: what this algorithm could not do in this scene.
     fn remarks(&self, counts: &Counts) -> Vec<String>;
 }

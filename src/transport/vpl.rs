@@ -60,8 +60,8 @@ pub struct Vpl {
 /// Which area each light's disc has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Area {
-    /// That of its photon's footprint.
-    Own,
+    /// That of its photon's footprint, times a factor.
+    Own(f32),
     /// One for all, world units squared.
     One(f32),
 }
@@ -129,7 +129,7 @@ impl<'a> VplSource<'a> {
         for (photon, bsdf) in traced.photons.iter().zip(traced.materials) {
             let radius2 = FRAC_1_PI
                 * match area {
-                    Area::Own => footprint(&photon.sigma, largest),
+                    Area::Own(factor) => factor * footprint(&photon.sigma, largest),
                     Area::One(area) => area,
                 };
             let mut light = Vpl {
@@ -174,6 +174,26 @@ impl Vpls {
     /// Lambertian lights that come from elsewhere.
     pub fn from_lights(lights: Vec<Vpl>) -> Self {
         Vpls { lights, ..Vpls::default() }
+    }
+
+    /// The lights as a point cloud, binary PLY, little-endian: position x y z, normal nx ny nz, power_r power_g power_b (intensity along the normal, W/sr, of
+    /// Lambertian lights; flux of others, W), radius of the disc, segments of the light's way.
+    pub fn ply(&self) -> Vec<u8> {
+        const FLOATS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "power_r", "power_g", "power_b", "radius"];
+        let mut out = format!(
+            "ply\nformat binary_little_endian 1.0\ncomment virtual point lights\nelement vertex {}\n",
+            self.lights.len()
+        );
+        FLOATS.iter().for_each(|name| out += &format!("property float {name}\n"));
+        let mut out = (out + "property uint segments\nend_header\n").into_bytes();
+        for light in &self.lights {
+            for v in [light.p, light.n, light.power] {
+                v.to_array().iter().for_each(|c| out.extend(c.to_le_bytes()));
+            }
+            out.extend(light.radius2.sqrt().to_le_bytes());
+            out.extend(light.segments.to_le_bytes());
+        }
+        out
     }
 
     /// Intensity times G' in the unnormalised direction `d` from the light, of squared length `d2`: irradiance across the direction at its end, W/m^2.

@@ -2,9 +2,12 @@
 //!
 //! ```text
 //! bound(x) = reach max_i I_i cos_x cos_y / (d^2 + A/pi)      reach: largest f of the surface, mean of the channels
-//!            d: distance to the box of the group; cos_x: largest cosine of its corners above the surface; cos_y: of the cone of normals,
-//!            widened by the angle under which the group is seen
+//!            d: distance to the box of the group; cos_x, cos_y: largest cosines at the surface and at lights of the cone of normals that lie
+//!            anywhere in the sphere around the box
 //! ```
+//!
+//! Beside the bound there is an estimate, the same at the middle of the group: what a light of it typically contributes. Probabilities in proportion
+//! to bounds alone would waste looks on distant groups, whose boxes make every cosine possible.
 //!
 //! Binary, cut through the middle of the longest side of the box of positions and normals (as the clusters of shading points are), with up to
 //! [`LEAF`] lights in a leaf. Lights are put into the order of the tree, so that groups are ranges and neighbours in space lie side by side.
@@ -21,6 +24,11 @@ use crate::math::Vec3;
 /// Most lights in a leaf.
 pub const LEAF: usize = 8;
 
+/// Least share of visible lights that is believed of a group.
+const LEAST_SHARE: f32 = 0.03;
+/// Bound over estimate, at most.
+const NARROWEST: f32 = 8.0;
+
 /// A group of lights.
 #[derive(Clone, Copy, Debug)]
 pub struct Node {
@@ -29,8 +37,8 @@ pub struct Node {
     axis: Vec3,
     cos: f32,
     sin: f32,
-    /// Squared radius of the sphere around the box.
-    sphere2: f32,
+    /// Radius of the sphere around the box.
+    sphere: f32,
     /// Largest intensity.
     strength: f32,
     /// Smallest A / pi.
@@ -66,38 +74,40 @@ impl Node {
         self.distance2(p) <= self.range2 * 1.0001
     }
 
-    /// Most that one of its lights can contribute at `p` to a surface of the given reach; `n`: nothing comes from below its plane.
-    pub fn bound(&self, p: Vec3, n: Option<Vec3>, reach: f32) -> f32 {
+    /// What one of its lights contributes at `p` to a surface of the given reach, at most and typically (never less than a [`NARROWEST`]th of the
+    /// bound); `n`: nothing comes from below its plane.
+    #[inline]
+    pub fn contribution(&self, p: Vec3, n: Option<Vec3>, reach: f32) -> (f32, f32) {
         let d = self.centre - p;
+        let centre2 = d.length_squared();
         let distance2 = (d.abs() - self.half).max(Vec3::ZERO).length_squared();
-        let near2 = distance2 + self.radius2;
-        let mut bound = reach * self.strength / near2.max(f32::MIN_POSITIVE);
-        if let Some(n) = n {
-            let height = d.dot(n) + self.half.dot(n.abs());
-            if height <= -1e-6 * (d.abs().max_element() + self.half.max_element()) {
-                return 0.0;
-            }
-            if height * height < distance2 {
-                bound *= (height.max(0.0) / distance2.sqrt()).max(1e-4);
-            }
-        }
-        let d2 = d.length_squared();
-        if d2 > self.sphere2 {
-            // Angles as sines and cosines: of the sphere, and of the direction back to p against the axis.
-            let sin2 = self.sphere2 / d2;
-            let (sin_a, cos_a) = (sin2.sqrt(), (1.0 - sin2).sqrt());
-            let cos_both = self.cos * cos_a - self.sin * sin_a;
-            let sin_both = self.sin * cos_a + self.cos * sin_a;
-            let theta = -d.dot(self.axis) / d2.sqrt();
-            if sin_both > 0.0 && theta < cos_both {
-                let beyond = theta * cos_both + (1.0 - theta * theta).max(0.0).sqrt() * sin_both;
-                if beyond <= -1e-4 {
-                    return 0.0;
-                }
-                bound *= beyond.max(1e-4);
-            }
-        }
-        bound
+        // Nothing is divided by the distance to a box that is touched.
+        let inverse = 1.0 / distance2.max(f32::MIN_POSITIVE).sqrt();
+        let height = n.map_or(0.0, |n| d.dot(n));
+        let facing = -d.dot(self.axis);
+        let slack = self.sphere * 1.0001 + 1e-6 * d.abs().max_element();
+        let cos_x = match n {
+            Some(_) if height + slack <= 0.0 => return (0.0, 0.0),
+            Some(_) => ((height + slack) * inverse).min(1.0),
+            None => 1.0,
+        };
+        // cos (a - b) <= cos a + sin b for angles a to the axis and b of the cone, both below a right angle; nothing if a - b is beyond one.
+        let cos_y = if self.cos <= 0.0 {
+            1.0
+        } else if facing + slack > 0.0 {
+            ((facing + slack) * inverse + self.sin).min(1.0)
+        } else if facing + slack < -self.sin * (centre2.sqrt() + slack) {
+            return (0.0, 0.0);
+        } else {
+            self.sin
+        };
+        let flux = reach * self.strength;
+        let bound = flux * cos_x * cos_y / (distance2 + self.radius2).max(f32::MIN_POSITIVE);
+        // Lights of a box lie a third of its sphere's squared radius from its middle, on average.
+        let d2 = centre2 + self.sphere * self.sphere * (1.0 / 3.0);
+        let cosines = if n.is_some() { height.max(0.0) * facing.max(0.0) } else { facing.max(0.0) * d2.sqrt() };
+        let typical = flux * cosines / (d2 * (d2 + self.radius2));
+        (bound, if typical < bound { typical.max(bound * (1.0 / NARROWEST)) } else { bound })
     }
 }
 
@@ -105,8 +115,8 @@ impl Node {
 #[derive(Clone, Debug, Default)]
 pub struct VplTree {
     nodes: Vec<Node>,
-    /// Cache points' visible and telling lights, by node and cache point.
-    seen: Vec<[u16; 2]>,
+    /// Root of the share of lights that a cache point sees, by node and cache point.
+    seen: Vec<f32>,
     cache_points: usize,
 }
 
@@ -171,8 +181,7 @@ impl VplTree {
     pub fn count_visible(&mut self, cache: &VisibilityCache) {
         let points = cache.points().len();
         self.cache_points = points;
-        self.seen = vec![[0; 2]; self.nodes.len() * points];
-        let most = |n: u32| n.min(u32::from(u16::MAX)) as u16;
+        self.seen = vec![1.0; self.nodes.len() * points];
         for point in 0..points {
             let mut sums = vec![[0u32; 2]];
             for (visible, telling) in cache.bits(point) {
@@ -181,19 +190,18 @@ impl VplTree {
             }
             for (i, node) in self.nodes.iter().enumerate() {
                 let (a, b) = (sums[node.first as usize], sums[(node.first + node.count) as usize]);
-                // Shares matter; large nodes are never asked.
-                self.seen[i * points + point] = [most(b[0] - a[0]), most(b[1] - a[1])];
+                // As if one half of one more light had been seen.
+                let share = ((b[0] - a[0]) as f32 + 0.5) / ((b[1] - a[1]) as f32 + 1.0);
+                self.seen[i * points + point] = share.max(LEAST_SHARE).sqrt();
             }
         }
     }
 
-    /// Visible and telling lights of a node, over these cache points together.
-    pub fn seen(&self, node: u32, cache_points: &[u32]) -> [u32; 2] {
-        let row = &self.seen[node as usize * self.cache_points..];
-        cache_points.iter().fold([0, 0], |[v, t], &p| {
-            let [a, b] = row[p as usize];
-            [v + u32::from(a), t + u32::from(b)]
-        })
+    /// Root of the share of a node's lights that a cache point sees; 1 where none was asked.
+    #[inline]
+    pub fn seen(&self, node: u32, cache_point: Option<u32>) -> f32 {
+        cache_point
+            .map_or(1.0, |c| self.seen.get(node as usize * self.cache_points + c as usize).copied().unwrap_or(1.0))
     }
 }
 
@@ -224,7 +232,7 @@ fn leaf(lights: &[Vpl], list: &[u32], first: usize) -> Node {
         axis,
         cos: 1.0,
         sin: 0.0,
-        sphere2: half.length_squared(),
+        sphere: half.length(),
         strength,
         radius2,
         range2: f32::INFINITY,

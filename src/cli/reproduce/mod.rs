@@ -3,10 +3,12 @@
 //! A paper is a list of experiments, each a comparison of configurations ([`super::compare`]), and a file that knows what the paper
 //! says and which of our numbers stand beside it. What cannot be run is said before anything is, and its figures are `null`.
 //!
+//! - [`nabata`]: probabilistic visibility for many lights
 //! - [`namae_makino`]: adaptive photon mapping by automatic differentiation
 //! - [`tokuyoshi`]: stochastic light culling; its halls of lamps come from [`lamps`]
 
 mod lamps;
+mod nabata;
 mod namae_makino;
 mod saturation;
 mod scaling;
@@ -32,7 +34,7 @@ pub struct ReproduceArgs {
     /// The paper.
     #[arg(value_enum)]
     paper: Paper,
-    /// Scene file.
+    /// Scene file (namae-makino; nabata has a list of its own).
     #[arg(default_value = "scenes/cornell-spheres.xml")]
     scene: PathBuf,
     /// Scene of the caustic alone.
@@ -41,7 +43,7 @@ pub struct ReproduceArgs {
     /// Reference image of the scene, or two independent halves of one [default: one is rendered with `path`].
     #[arg(long, value_name = "FILE", num_args = 1..=2)]
     reference: Vec<PathBuf>,
-    /// CPU time of each run of the ablation; runs for the caustic alone get a tenth of it.
+    /// CPU time of each run of the ablation; runs for the caustic alone get a tenth of it. nabata: half that of each half of a reference.
     #[arg(long, default_value = "20s", value_parser = options::duration)]
     budget: Duration,
     /// Runs of each configuration, with as many seeds.
@@ -70,6 +72,8 @@ pub struct ReproduceArgs {
 /// Papers that can be reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Paper {
+    /// Nabata, Iwasaki, Dobashi & Nishita: probabilistic visibility for many-light rendering.
+    Nabata,
     /// Namae & Makino: adaptive photon mapping by automatic differentiation.
     NamaeMakino,
     /// Tokuyoshi & Harada: stochastic light culling.
@@ -80,7 +84,7 @@ enum Paper {
 struct Experiment {
     /// Name, for messages, JSON and files.
     name: &'static str,
-    /// Scene file.
+    /// Scene file (namae-makino; nabata has a list of its own).
     scene: PathBuf,
     /// Name and flags of each configuration, the baseline first.
     configs: Vec<(&'static str, String)>,
@@ -115,6 +119,7 @@ impl Outcomes {
 }
 
 /// What a paper's file makes of the outcomes.
+#[derive(Default)]
 struct Findings {
     /// Tables with their titles.
     tables: Vec<(String, Table)>,
@@ -137,12 +142,14 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     }
     args.json.as_deref().map_or(Ok(()), atomic::check)?;
     let scratch = tokuyoshi::Scratch::new();
-    let (name, experiments) = match args.paper {
-        Paper::NamaeMakino => ("namae-makino", namae_makino::experiments(args)?),
-        Paper::Tokuyoshi => ("tokuyoshi", tokuyoshi::experiments(args, &scratch)?),
+    let (name, (experiments, missing)) = match args.paper {
+        Paper::NamaeMakino => ("namae-makino", (namae_makino::experiments(args)?, Vec::new())),
+        Paper::Tokuyoshi => ("tokuyoshi", (tokuyoshi::experiments(args, &scratch)?, Vec::new())),
+        Paper::Nabata => ("nabata", nabata::experiments(args)),
     };
     let stop = session::stop_on_signals()?;
-    let (ready, unavailable) = prepare(args, experiments);
+    let (ready, mut unavailable) = prepare(args, experiments);
+    unavailable.extend(missing);
     for (experiment, reason) in &unavailable {
         tell(format_args!("warning: {experiment} cannot be run: {reason}"));
     }
@@ -159,6 +166,7 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     let findings = match args.paper {
         Paper::NamaeMakino => namae_makino::findings(&outcomes),
         Paper::Tokuyoshi => tokuyoshi::findings(&outcomes, args, &scratch)?,
+        Paper::Nabata => nabata::findings(&outcomes),
     };
     if let Some(folder) = &args.output {
         for o in &outcomes.0 {
@@ -203,7 +211,7 @@ fn study(args: &ReproduceArgs, e: Experiment) -> Result<Study, String> {
     let mut configs = Vec::new();
     for (name, flags) in &e.configs {
         let mut config = checked(name, flags)?.with_scene(&scene);
-        config.args.scale = args.scale;
+        config.args.scale = config.args.scale.or(args.scale);
         configs.push(config);
     }
     if let ReferenceFrom::Rendered { flags, .. } = &e.reference {

@@ -22,7 +22,7 @@ use super::photon::PhotonSettings;
 use super::photon::caustics::Caustics;
 use super::photon::places::places;
 use super::{Counts, Integrator};
-use crate::image::film::Features;
+use crate::image::film::{Features, Film, PixelSums};
 use crate::math::sampler::{hash, unit_f32};
 use crate::math::{Price, Rgb, Sampler, Vec2};
 use crate::scene::camera::CameraRay;
@@ -37,11 +37,17 @@ use crate::transport::{CausticMap, World};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
+/// Pixels per virtual light of a pass if nothing is said, and the bounds of their number.
+const PIXELS_PER_LIGHT: usize = 16;
+const FEWEST: usize = 1024;
+const MOST_LIGHTS: usize = 16_384;
 /// Shading points that clusters are made of, at most.
 const SHADING_POINTS: usize = 1 << 16;
 /// Camera samples of a trial for the first lambda, and trials.
 const TRIAL: u64 = 512;
-const TRIALS: u32 = 5;
+const TRIALS: u32 = 7;
+/// Share of the noisiest pixels that say nothing about the price: fireflies.
+const FIREFLIES: f64 = 0.01;
 /// One camera sample in so many is metered.
 const METERED: u64 = 8;
 /// Separates random numbers of trials and culling from those of samples.
@@ -73,6 +79,8 @@ pub struct ManyLight<'a> {
     /// A / pi for short paths.
     radius2: f32,
     has_rest: bool,
+    /// Variance of a sample, mean over the picture, once it is known.
+    variance: Option<f64>,
     prepared: Counts,
     cache_rays: u64,
 }
@@ -90,8 +98,9 @@ impl<'a> ManyLight<'a> {
         };
         let scene = world.scene;
         let path = settings.path;
+        let wanted = settings.vpls.unwrap_or((pixels / PIXELS_PER_LIGHT).clamp(FEWEST, MOST_LIGHTS));
         let source = (settings.parts.indirect)
-            .then(|| VplSource::new(world, settings.vpls, path.max_depth, path.rr_depth, settings.seed))
+            .then(|| VplSource::new(world, wanted, path.max_depth, path.rr_depth, settings.seed))
             .flatten();
         let radius2 = source.as_ref().map_or(0.0, VplSource::mean_area) * settings.area * FRAC_1_PI;
         ManyLight {
@@ -109,6 +118,7 @@ impl<'a> ManyLight<'a> {
             price: Price { look: LOOK, check: 1.0, lambda: 0.0 },
             radius2: if settings.compensate { radius2 } else { 0.0 },
             has_rest: scene.shapes.iter().any(|s| has_sharp_lobe(&scene.materials, s.material, f32::INFINITY)),
+            variance: None,
             prepared: Counts::default(),
             cache_rays: 0,
         }
@@ -125,7 +135,7 @@ impl<'a> ManyLight<'a> {
         let area = match self.settings.area {
             0.0 => Area::One(0.0),
             a if self.settings.compensate => Area::One(a * source.mean_area()),
-            _ => Area::Own,
+            a => Area::Own(a),
         };
         let mut vpls = source.lights(area, pass);
         let mut tree = VplTree::build(&mut vpls);
@@ -159,7 +169,7 @@ impl<'a> ManyLight<'a> {
         // The radiance of the lights' flux if it lay evenly on all surfaces: right to an order of magnitude.
         let radiance = total * std::f64::consts::PI / area.max(f64::MIN_POSITIVE);
         self.meter = Meter::new(radiance);
-        self.price.lambda = (radiance * radiance / 100.0) as f32;
+        self.price.lambda = (radiance * radiance / 10.0) as f32;
         if !self.settings.strategy.strategy.needs_price() {
             return;
         }
@@ -177,10 +187,15 @@ impl<'a> ManyLight<'a> {
                 counts.rays + counts.direct.shadow_rays + tally.counts().shadow_rays
             });
             self.prepared.rays += rays.sum::<u64>();
-            let shared = self.shared_cost();
-            if let Some(lambda) = self.meter.read(shared) {
-                self.price.lambda = lambda;
-            }
+            self.read_meter();
+        }
+    }
+
+    /// Takes what the meter says into account.
+    fn read_meter(&mut self) {
+        let shared = self.shared_cost();
+        if let Some(factor) = self.meter.read(shared, self.variance) {
+            self.price.lambda *= factor as f32;
         }
     }
 
@@ -230,10 +245,7 @@ impl Integrator for ManyLight<'_> {
         if pass == 0 {
             self.find_price();
         } else if pass.is_power_of_two() {
-            let shared = self.shared_cost();
-            if let Some(lambda) = self.meter.read(shared) {
-                self.price.lambda = lambda;
-            }
+            self.read_meter();
         }
         self.posterior.fold();
         self.set_ranges(pass);
@@ -241,6 +253,18 @@ impl Integrator for ManyLight<'_> {
 
     fn prepared(&self) -> Counts {
         Counts { shadow_rays: self.cache_rays, ..self.prepared }
+    }
+
+    fn learns(&self) -> bool {
+        self.settings.strategy.strategy.needs_price()
+    }
+
+    fn learn(&mut self, film: &Film) {
+        let of = |p: &PixelSums| p.variance().iter().sum::<f64>() / 3.0 * f64::from(p.count());
+        let mut all: Vec<f64> = film.pixels().iter().filter(|p| p.count() > 1).map(of).collect();
+        all.sort_by(f64::total_cmp);
+        all.truncate((all.len() as f64 * (1.0 - FIREFLIES)).ceil() as usize);
+        self.variance = (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
     }
 
     fn sample(&self, camera: &CameraRay, _pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
@@ -265,6 +289,10 @@ impl Integrator for ManyLight<'_> {
             all.push(("cache shadow rays", self.cache_rays));
         }
         all
+    }
+
+    fn points_ply(&self) -> Option<Vec<u8>> {
+        Some(self.lights.vpls.ply())
     }
 
     fn remarks(&self, _counts: &Counts) -> Vec<String> {

@@ -14,8 +14,8 @@ pub struct ManyLightSettings {
     pub direct: DirectSettings,
     /// How sums over virtual lights are estimated.
     pub strategy: StrategySettings,
-    /// Virtual lights per pass, about.
-    pub vpls: usize,
+    /// Virtual lights per pass, about; `None`: one for 16 pixels, from 1024 to 16,384.
+    pub vpls: Option<usize>,
     /// Cache points.
     pub cache_points: usize,
     /// Whether short paths add what discs in place of points leave out; else corners are darker.
@@ -36,8 +36,8 @@ impl Default for ManyLightSettings {
             path: PathSettings::default(),
             direct: DirectSettings::default(),
             strategy: StrategySettings::default(),
-            vpls: 4096,
-            cache_points: 256,
+            vpls: None,
+            cache_points: 64,
             compensate: true,
             area: 1.0,
             caustic_photons: None,

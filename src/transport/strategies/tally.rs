@@ -104,6 +104,12 @@ impl Tally {
         }
     }
 
+    /// Counts `n` lights as looked at.
+    #[cfg(test)]
+    pub(crate) fn looked(&mut self, n: u64) {
+        self.looks += n;
+    }
+
     /// The counts.
     pub fn counts(&self) -> ManyLightCounts {
         ManyLightCounts {
