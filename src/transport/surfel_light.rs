@@ -37,7 +37,7 @@ const MAX_SWEEPS: u32 = 300;
 /// Aim for the relative variance of a surfel's direct light: a record averages some hundred surfels.
 const DIRECT_VARIANCE: f32 = 0.05;
 /// Most light samples over the least number.
-const MAX_MORE_SAMPLES: f32 = 16.0;
+const MAX_MORE_SAMPLES: f32 = 4.0;
 /// Places within its cell at which a surfel's direct light is sampled, in turn.
 const SPREAD: u32 = 4;
 /// Places within a cell.

@@ -176,16 +176,17 @@ impl Integrator for Photon<'_> {
     }
 
     fn prepare(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
-        if pass == 0 {
-            let pixels = self.window[2] as usize * self.window[3] as usize;
-            self.samples = match self.settings.antialiasing {
-                Antialiasing::Off => vec![1.0; pixels],
-                Antialiasing::Full => vec![f32::from(AntialiasSettings::default().samples); pixels],
-                Antialiasing::Adaptive => {
-                    let samples = samples_per_pixel(self.world, self.window, AntialiasSettings::default());
-                    samples.into_iter().map(f32::from).collect()
-                }
-            };
+        let pixels = self.window[2] as usize * self.window[3] as usize;
+        match (self.settings.antialiasing, pass) {
+            (Antialiasing::Off, 0) => self.samples = vec![1.0; pixels],
+            (Antialiasing::Full, 0) => self.samples = vec![f32::from(AntialiasSettings::default().samples); pixels],
+            // The first pass takes one sample everywhere: what edges want is found out after it.
+            (Antialiasing::Adaptive, 0) => self.samples = vec![1.0; pixels],
+            (Antialiasing::Adaptive, 1) if !over() => {
+                let samples = samples_per_pixel(self.world, self.window, AntialiasSettings::default());
+                self.samples = samples.into_iter().map(f32::from).collect();
+            }
+            _ => {}
         }
         self.map = self.caustics.as_ref().map(|c| c.map(pass));
         self.emitted += self.caustics.as_ref().map_or(0, Caustics::emitted);
