@@ -107,7 +107,7 @@ pub struct PhotonArgs {
     /// How lights are sampled [default: adaptive].
     #[arg(long, value_enum)]
     pub light_sampling: Option<LightSampling>,
-    /// Samples of a light where there are several [default: 16].
+    /// Samples of a light where there are several [default: 16, fewer if most points need them].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub light_samples: Option<u32>,
     /// How radiance is estimated from photons [default: ad].

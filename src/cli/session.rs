@@ -118,6 +118,7 @@ fn photon_settings(args: &RenderArgs, scene: &Scene) -> PhotonSettings {
             samples: flags.light_samples.unwrap_or(default.direct.samples),
             ..default.direct
         },
+        adaptive_light_samples: flags.light_samples.is_none(),
         indirect: flags.indirect.unwrap_or(default.indirect),
         antialiasing: flags.aa.unwrap_or(default.antialiasing),
         photons: flags.photons,

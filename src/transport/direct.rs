@@ -154,6 +154,18 @@ pub struct Direct<'a> {
     lamps: Vec<Option<Lamp>>,
 }
 
+impl Direct<'_> {
+    /// Samples of a light where there are several.
+    pub fn samples(&self) -> u32 {
+        self.settings.samples
+    }
+
+    /// Takes `samples` of a light from now on where there are several.
+    pub fn set_samples(&mut self, samples: u32) {
+        self.settings.samples = samples;
+    }
+}
+
 /// A point that is shaded.
 struct Point<'a> {
     at: &'a SurfacePoint,

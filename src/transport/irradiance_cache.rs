@@ -50,7 +50,7 @@ const PILOT: (usize, u32) = (256, 8);
 /// Share of the mean irradiance to which errors are relative in darker places.
 const DARK: f32 = 0.1;
 /// A scene is given up if of so many records, or more, this share has the least radius.
-const HOPELESS: (usize, f32) = (64, 0.6);
+const HOPELESS: (usize, f32) = (256, 0.45);
 /// Records whose normals' cosine is less do not bound each other's radii.
 const SAME_SURFACE: f32 = 0.7;
 /// Stream of random numbers.

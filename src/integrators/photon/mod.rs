@@ -27,10 +27,10 @@ use self::global::Global;
 use super::{Counts, Integrator};
 use crate::image::film::{Features, Film};
 use crate::math::sampler::hash;
-use crate::math::{Rgb, Sampler, Vec3};
+use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::transport::antialias::{AntialiasSettings, samples_per_pixel};
-use crate::transport::direct::{Direct, DirectSettings};
+use crate::transport::direct::{Direct, DirectSettings, LightSampling};
 use crate::transport::gather_ray::RayCounts;
 use crate::transport::gather_sky;
 use crate::transport::photon_map::GlobalMap;
@@ -42,6 +42,12 @@ const PIXELS_PER_RECORD: usize = 24;
 const RAYS_PER_SAMPLE: f64 = 3.0;
 /// Records made before time is looked at again.
 const PORTION: usize = 512;
+/// Camera samples that find out how many light samples are needed, and their stream of random numbers.
+const PILOT: u64 = 512;
+const PILOT_STREAM: u64 = 0x9107;
+/// Most light samples of a camera sample, on average, and the least of one light.
+const MOST_LIGHT_SAMPLES: f32 = 10.0;
+const LEAST_LIGHT_SAMPLES: u32 = 4;
 /// Records that the first pass may add however few pixels there are.
 const LEAST_RECORDS: usize = 1000;
 
@@ -158,6 +164,38 @@ impl<'a> Photon<'a> {
         cache.finish();
     }
 
+    /// Lowers the number of light samples where points that need several are the rule: then they would cost most of the time, and what
+    /// one pass lacks the next ones give.
+    fn ration_light_samples(&mut self) {
+        let [x0, y0, width, height] = self.window.map(|v| v as f32);
+        let eye = self.eye();
+        let mut counts = Counts::default();
+        for k in 0..PILOT {
+            let mut rng = Sampler::new(self.settings.seed, PILOT_STREAM, k);
+            let (at, lens) = (rng.next_2d(), rng.next_2d());
+            let ray = self.world.scene.camera.ray(Vec2::new(x0, y0) + at * Vec2::new(width, height), lens);
+            eye.sample(&ray, &mut rng, &mut counts);
+        }
+        let taken = counts.direct.light_samples as f32 / PILOT as f32;
+        let usual = self.direct.samples();
+        if taken > MOST_LIGHT_SAMPLES {
+            let rationed = (usual as f32 * MOST_LIGHT_SAMPLES / taken).round() as u32;
+            self.direct.set_samples(rationed.max(LEAST_LIGHT_SAMPLES.min(usual)));
+        }
+    }
+
+    fn eye(&self) -> Eye<'_> {
+        Eye {
+            world: self.world,
+            settings: &self.settings,
+            direct: &self.direct,
+            caustics: self.map.as_ref(),
+            global: self.global_map.as_ref(),
+            cache: self.cache.as_ref(),
+            sky: self.sky,
+        }
+    }
+
     /// Samples that pass `pass` takes, about.
     fn samples_of(&self, pass: u64) -> f64 {
         let early = pass < 2 && self.settings.antialiasing == Antialiasing::Adaptive;
@@ -193,6 +231,10 @@ impl Integrator for Photon<'_> {
         self.global_map = self.global.as_ref().map(|g| g.map(pass));
         self.emitted += self.global.as_ref().map_or(0, Global::count);
         self.renew_cache(pass, over);
+        let adaptive = self.settings.direct.sampling == LightSampling::Adaptive;
+        if pass == 0 && adaptive && self.settings.adaptive_light_samples {
+            self.ration_light_samples();
+        }
         self.samples_since += self.samples_of(pass);
     }
 
@@ -231,16 +273,7 @@ impl Integrator for Photon<'_> {
     }
 
     fn sample(&self, camera: &CameraRay, _pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
-        let eye = Eye {
-            world: self.world,
-            settings: &self.settings,
-            direct: &self.direct,
-            caustics: self.map.as_ref(),
-            global: self.global_map.as_ref(),
-            cache: self.cache.as_ref(),
-            sky: self.sky,
-        };
-        eye.sample(camera, rng, counts)
+        self.eye().sample(camera, rng, counts)
     }
 
     fn figures(&self) -> Vec<(&'static str, u64)> {

@@ -58,6 +58,8 @@ pub struct PhotonSettings {
     pub caustic_photons: Option<u64>,
     /// How radiance is estimated from photons.
     pub kernel: Kernel,
+    /// Whether lights get fewer samples where most of what is seen needs several.
+    pub adaptive_light_samples: bool,
     /// Whether later samples go where the picture is noisy.
     pub adaptive_sampling: bool,
     /// Which light is shown.
@@ -77,6 +79,7 @@ impl Default for PhotonSettings {
             photons: None,
             caustic_photons: None,
             kernel: Kernel::Footprint,
+            adaptive_light_samples: true,
             adaptive_sampling: true,
             parts: Parts::default(),
             seed: 0,
