@@ -2,7 +2,8 @@
 //!
 //! Lamps are squares in clusters, of eight colours with radiances over a range of 12, mostly turned down; their size goes with
 //! 1 / sqrt(number), so that all halls are equally bright and differ in their number of lamps alone. Walls, pillars, tables and
-//! one block of rough metal catch their light.
+//! one block of rough metal catch their light. The camera does not see the lamps themselves: with so many bright dots in it, a picture's
+//! error would be that of their edges.
 
 use crate::math::Vec3;
 use crate::math::sampler::{hash, unit_f32};
@@ -93,7 +94,7 @@ pub fn write(folder: &Path, n: u64) -> std::io::Result<PathBuf> {
 
 /// Everything but the lamps.
 const HALL: &str = r#"<scene version="3.0.0">
-    <integrator type="path"/>
+    <integrator type="path"><boolean name="hide_emitters" value="true"/></integrator>
     <sensor type="perspective">
         <string name="fov_axis" value="x"/><float name="fov" value="70"/>
         <transform name="to_world"><lookat origin="0.8, 2.2, 7.4" target="6.5, 1.2, 2.5" up="0, 1, 0"/></transform>

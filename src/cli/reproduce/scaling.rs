@@ -1,7 +1,7 @@
 //! Time and memory against the number of lamps, 10^2 to 10^6: halls of [`super::lamps`] rendered for a few passes.
 //!
-//! Set-up is everything from the file to the first pass; memory is what the process has resident after the last one, less what it had
-//! before the file was read (Linux only). Loading and acceleration structure hold the lamps' triangles like any others; light set-up is
+//! Set-up is everything from the file to the first pass; memory is what the process has resident after the last one (Linux only): the
+//! program itself, the scene, and what freed memory the allocator keeps. Loading and acceleration structure hold the lamps' triangles like any others; light set-up is
 //! the part that knows of lamps.
 
 use super::lamps;
@@ -42,7 +42,7 @@ pub struct Cost {
     pub light_tree_seconds: f64,
     /// Of each render: name, CPU seconds until the first pass starts, in the first pass with what it prepares, and per later pass.
     pub renders: Vec<(String, f64, f64, f64)>,
-    /// Resident memory for all of it, MiB.
+    /// Resident memory of the process, MiB.
     pub memory_mib: Option<f64>,
 }
 
@@ -68,7 +68,6 @@ fn resident() -> Option<f64> {
 /// Measures a hall of `n` lamps, whose file goes to `folder`.
 pub fn measure(folder: &Path, n: u64, scale: Option<f64>) -> Result<Cost, Failure> {
     let scene = lamps::write(folder, n)?;
-    let before = resident();
     let start = ProcessTime::now();
     let scene_args = SceneArgs { scene, define: Vec::new(), strict: false, threads: None, simd: SimdChoice::Auto };
     let configure = |name, flags| -> Result<Config, Failure> {
@@ -96,6 +95,5 @@ pub fn measure(folder: &Path, n: u64, scale: Option<f64>) -> Result<Cost, Failur
             renders.push((name.to_string(), ready, first - ready, later));
         }
     }
-    let memory_mib = resident().zip(before).map(|(after, before)| (after - before).max(0.0));
-    Ok(Cost { lamps: n, load_seconds, light_tree_seconds, renders, memory_mib })
+    Ok(Cost { lamps: n, load_seconds, light_tree_seconds, renders, memory_mib: resident() })
 }
