@@ -80,10 +80,10 @@ pub fn write(folder: &Path, n: u64) -> std::io::Result<PathBuf> {
         }
         out.flush()?;
         // Writing to a string cannot fail.
-        let _ = write!(
+        let _ = writeln!(
             text,
             "    <shape type=\"ply\"><string name=\"filename\" value=\"{file}\"/><boolean name=\"face_normals\" value=\"true\"/>\
-             <ref id=\"black\"/><emitter type=\"area\"><rgb name=\"radiance\" value=\"{r}, {g}, {b}\"/></emitter></shape>\n"
+             <ref id=\"black\"/><emitter type=\"area\"><rgb name=\"radiance\" value=\"{r}, {g}, {b}\"/></emitter></shape>"
         );
     }
     text += "</scene>\n";

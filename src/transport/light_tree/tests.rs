@@ -183,6 +183,30 @@ fn the_tree_draws_in_proportion_to_what_arrives_better_than_by_strength() {
 }
 
 #[test]
+fn a_lamp_next_to_a_point_is_drawn_nearly_always() {
+    let scene = scene(2000, false);
+    let tree = LightTree::new(&scene);
+    let places: Vec<(u32, Vec3, f32)> = (0..scene.lights.emitter_count() as u32)
+        .filter_map(|e| Some((e, scene.lights.emitter_bounds(&scene.shapes, e)?)))
+        .filter(|(_, b)| b.bounds.0 == b.bounds.1 && b.cos_normals == -1.0)
+        .map(|(e, b)| (e, b.bounds.0, b.intensity))
+        .collect();
+    assert!(places.len() > 300);
+    let strength: f32 = tree.nodes[0].strength.iter().sum();
+    let mut probabilities = Vec::new();
+    for &(e, p, own) in &places {
+        let at = LitPoint { p: p + Vec3::new(0.004, -0.006, 0.003), n: Some(Vec3::Y) };
+        let cut = tree.cut(&at);
+        probabilities.push(cut.pmf(Unit::Emitter(e)));
+        assert!((tree.pmf(&at, Unit::Emitter(e)) / cut.pmf(Unit::Emitter(e)) - 1.0).abs() < 1e-5);
+        assert!(own / strength < 0.1, "companion: by strength alone it is rare");
+    }
+    probabilities.sort_by(f32::total_cmp);
+    let (few, middle) = (probabilities[probabilities.len() / 10], probabilities[probabilities.len() / 2]);
+    assert!(few > 0.3 && middle > 0.8, "{few} {middle}");
+}
+
+#[test]
 fn cones_hold_what_they_are_made_of() {
     for i in 0..2000 {
         let r = |k| random(i, k);
