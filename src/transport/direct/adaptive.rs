@@ -2,7 +2,8 @@
 //!
 //! For each lamp and point, in the order of Namae and Makino's tests (shade, shadow, highlight):
 //! 1. *shade*: nothing is done for a lamp that turns its dark side, or lies below the plane that is lit;
-//! 2. lamps that give little ([`DIM`] of the whole) or are tiny ([`TINY`]) get a single sample, points one shadow ray:
+//! 2. lamps that give little ([`DIM`] of the whole), are tiny ([`TINY`]) or, drawn from many, [`SMALL`] get a single sample, points one
+//!    shadow ray:
 //!    a verdict would cost more than it can save;
 //! 3. *shadow*: the verdict of [`EdgeDetector::light`](crate::edge::EdgeDetector::light): blocked -> 0; visible, but for the
 //!    receiver's own horizon -> no shadow rays, the closed form for Lambert, else a few stratified samples; partial or
