@@ -115,9 +115,8 @@ impl Node {
 #[derive(Clone, Debug, Default)]
 pub struct VplTree {
     nodes: Vec<Node>,
-    /// Root of the share of lights that a cache point sees, by node and cache point.
+    /// Root of the share of lights that a cache point sees, by cache point and node: neighbouring points ask one row.
     seen: Vec<f32>,
-    cache_points: usize,
 }
 
 impl VplTree {
@@ -180,7 +179,6 @@ impl VplTree {
     /// Counts for every node what the cache points see of its lights.
     pub fn count_visible(&mut self, cache: &VisibilityCache) {
         let points = cache.points().len();
-        self.cache_points = points;
         self.seen = vec![1.0; self.nodes.len() * points];
         for point in 0..points {
             let mut sums = vec![[0u32; 2]];
@@ -192,7 +190,7 @@ impl VplTree {
                 let (a, b) = (sums[node.first as usize], sums[(node.first + node.count) as usize]);
                 // As if one half of one more light had been seen.
                 let share = ((b[0] - a[0]) as f32 + 0.5) / ((b[1] - a[1]) as f32 + 1.0);
-                self.seen[i * points + point] = share.max(LEAST_SHARE).sqrt();
+                self.seen[point * self.nodes.len() + i] = share.max(LEAST_SHARE).sqrt();
             }
         }
     }
@@ -201,7 +199,7 @@ impl VplTree {
     #[inline]
     pub fn seen(&self, node: u32, cache_point: Option<u32>) -> f32 {
         cache_point
-            .map_or(1.0, |c| self.seen.get(node as usize * self.cache_points + c as usize).copied().unwrap_or(1.0))
+            .map_or(1.0, |c| self.seen.get(c as usize * self.nodes.len() + node as usize).copied().unwrap_or(1.0))
     }
 }
 

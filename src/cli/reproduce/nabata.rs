@@ -41,8 +41,8 @@ const OWN: [(&str, &str, u32, u32); 8] = [
     ("culling, 16384 lights", "culling", 16_384, 64),
     ("hierarchical, 4096 lights", "hierarchical", 4096, 64),
     ("hierarchical, 16384 lights", "hierarchical", 16_384, 64),
-    ("joint, 4096 lights", "joint", 4096, 48),
-    ("joint, 16384 lights", "joint", 16_384, 24),
+    ("joint, 4096 lights", "joint", 4096, 32),
+    ("joint, 16384 lights", "joint", 16_384, 32),
 ];
 /// What the paper reports: rays saved by its method and by Veach's, its speed-up over all rays.
 const PAPER: [(&str, f64, f64, f64); 4] = [

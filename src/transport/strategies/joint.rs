@@ -20,8 +20,9 @@ use crate::math::{ResidualRoulette, Rgb};
 use crate::transport::visibility::Neighbours;
 use arrayvec::ArrayVec;
 
-/// Expected number of lights looked at, by bounds, above which a group is opened.
-const OPEN: f32 = 2.0;
+/// Expected number of lights looked at, by bounds, above which a group is opened. Bounds are several times what lights contribute; from 2 to 24 the
+/// error of a box hardly changes, and the number of groups asked falls to a third.
+const OPEN: f32 = 16.0;
 /// r: residual of a group's lights over the share that is visible, before single ones are looked at.
 const UNSURE: f32 = 0.15;
 /// Groups that wait at a time: more than the tree can be deep.
