@@ -54,6 +54,26 @@ fn figures_of_namae_makino_are_there_or_their_absence_is_explained() {
 }
 
 #[test]
+fn figures_of_nabata_are_there_and_missing_scenes_are_told() {
+    // A folder with one of the paper's scenes only.
+    let dir = tempfile::tempdir().expect("scratch folder");
+    std::fs::create_dir(dir.path().join("scenes")).expect("a folder");
+    std::fs::copy(scene("cornell-box.xml"), dir.path().join("scenes/cornell-box.xml")).expect("a copy");
+    let args = ["reproduce", "nabata", "--scale", "0.1", "--seeds", "2", "--budget", "100ms", "-q", "--json", "r.json"];
+    let out = dualux(dir.path(), &args);
+    assert!(out.status.success(), "{}", stderr(&out));
+    assert!(stderr(&out).contains("hairball-lite cannot be run"), "{}", stderr(&out));
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("r.json")).unwrap()).unwrap();
+    let figure = |key: &str| json[key].as_f64().unwrap_or_else(|| panic!("{key}: {}", json[key]));
+    // The clamp at a tenth is what saves rays: between it and what is checked for certain.
+    assert!((0.5..=0.9).contains(&figure("nabata_saved_rays")), "{}", figure("nabata_saved_rays"));
+    assert!((0.0..1.0).contains(&figure("veach_saved_rays")));
+    assert!(figure("joint_gain_over_nabata").is_finite() && figure("joint_gain_over_veach").is_finite());
+    assert!(json["unavailable"]["staircase2"].is_string());
+    assert!(String::from_utf8_lossy(&out.stdout).contains("at the floor"));
+}
+
+#[test]
 fn mistakes_are_explained() {
     let dir = tempfile::tempdir().expect("scratch folder");
     let spheres = scene("cornell-spheres.xml");

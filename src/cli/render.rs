@@ -137,16 +137,16 @@ pub struct ManyLightArgs {
     /// How chance decisions of one sum depend on each other [default: systematic].
     #[arg(long, value_enum)]
     pub coins: Option<Coins>,
-    /// Virtual lights per pass, about; K and M suffixes are understood [default: one for 16 pixels, 1024 to 16384].
+    /// Virtual lights per pass, about; K and M suffixes are understood [default: one for 64 pixels, 1024 to 16384].
     #[arg(long, value_name = "N", value_parser = options::positive)]
     pub vpls: Option<u64>,
-    /// Cache points of visibility [default: 64].
+    /// Cache points of visibility [default: 32].
     #[arg(long, value_name = "N", value_parser = options::positive)]
     pub cache_points: Option<u64>,
     /// Standard deviation per light of the strategies culling and hierarchical, radiance [default: the best for the picture].
     #[arg(long, value_name = "RADIANCE", value_parser = options::not_negative)]
     pub epsilon: Option<f64>,
-    /// Area of virtual lights, in areas of their photons' footprints; 0: points [default: 1].
+    /// Area of virtual lights, in areas of their photons' footprints; 0: points [default: 0.02].
     #[arg(long, value_name = "FACTOR", value_parser = options::not_negative)]
     pub vpl_area: Option<f64>,
     /// Leave out what the area of virtual lights takes away near them: corners come out darker, a little faster.

@@ -80,13 +80,13 @@ impl Meter {
 mod tests {
     use super::*;
 
-    /// A meter that has seen a sum over lights in which R = a sqrt(lambda) and K = b / sqrt(lambda).
+    /// A meter that has seen a sum over lights in which R = a sqrt(lambda) and K = a / sqrt(lambda): dR = -lambda dK, as of a price.
     fn metered(lambda: f64, unit: f64) -> Meter {
         let meter = Meter::new(unit);
-        let (a, v) = (2.0, 0.02);
+        let (a, v) = (0.7, 0.02);
         let mut tally = Tally::default();
         (tally.roulette, tally.set) = (a * lambda.sqrt() * unit * unit, v * unit * unit);
-        tally.looked((0.5 / lambda.sqrt() / f64::from(LOOK)) as u64);
+        tally.looked((a / lambda.sqrt() / f64::from(LOOK)) as u64);
         (0..100).for_each(|_| meter.add(&tally, 6));
         meter
     }
@@ -99,7 +99,7 @@ mod tests {
                 for _ in 0..8 {
                     lambda *= metered(lambda, unit).read(5.0, None).unwrap();
                 }
-                let (s, c) = (0.02 + 2.0 * lambda.sqrt(), 6.0 + SAMPLE + 5.0 + 0.5 / lambda.sqrt());
+                let (s, c) = (0.02 + 0.7 * lambda.sqrt(), 6.0 + SAMPLE + 5.0 + 0.7 / lambda.sqrt());
                 assert!((lambda / (s / c) - 1.0).abs() < 0.05, "{unit} {start}: {lambda}, S / C is {}", s / c);
             }
         }

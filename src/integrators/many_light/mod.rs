@@ -38,7 +38,7 @@ use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
 /// Pixels per virtual light of a pass if nothing is said, and the bounds of their number.
-const PIXELS_PER_LIGHT: usize = 16;
+const PIXELS_PER_LIGHT: usize = 64;
 const FEWEST: usize = 1024;
 const MOST_LIGHTS: usize = 16_384;
 /// Shading points that clusters are made of, at most.

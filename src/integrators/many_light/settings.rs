@@ -14,13 +14,14 @@ pub struct ManyLightSettings {
     pub direct: DirectSettings,
     /// How sums over virtual lights are estimated.
     pub strategy: StrategySettings,
-    /// Virtual lights per pass, about; `None`: one for 16 pixels, from 1024 to 16,384.
+    /// Virtual lights per pass, about; `None`: one for 64 pixels, from 1024 to 16,384.
     pub vpls: Option<usize>,
     /// Cache points.
     pub cache_points: usize,
     /// Whether short paths add what discs in place of points leave out; else corners are darker.
     pub compensate: bool,
-    /// Areas of the discs, in areas of the photons' footprints; 0: points.
+    /// Areas of the discs, in areas of the photons' footprints; 0: points. Small ones: what discs leave out comes back as noise of short paths. In the
+    /// Cornell box the error of two passes was 0.0076 at 1, 0.0041 at 0.2, 0.0031 at 0.04 and at 0.01, 0.0036 at 0.002, where points begin to show.
     pub area: f32,
     /// Photons per pass for caustics; `None`: as many as pixels.
     pub caustic_photons: Option<u64>,
@@ -37,9 +38,9 @@ impl Default for ManyLightSettings {
             direct: DirectSettings::default(),
             strategy: StrategySettings::default(),
             vpls: None,
-            cache_points: 64,
+            cache_points: 32,
             compensate: true,
-            area: 1.0,
+            area: 0.02,
             caustic_photons: None,
             parts: Parts::default(),
             seed: 0,
