@@ -171,6 +171,50 @@ fn replay_takes_the_same_sample_again() {
 }
 
 #[test]
+fn a_saved_cache_serves_another_picture_and_wrong_files_are_refused() {
+    let (dir, exr) = scratch("a.exr");
+    let file = |name: &str| dir.path().join(name).to_str().unwrap().to_string();
+    let (exr, cache, stats) = (exr.to_str().unwrap(), file("a.cache"), file("s.json"));
+    let (cornell, spheres) = (scene("cornell-box.xml"), scene("cornell-spheres.xml"));
+    let render = |scene: &str, more: &[&str]| {
+        let args = ["render", scene, "-o", exr, "--scale", "0.15", "--passes", "1", "-q", "--stats-json", &stats];
+        dualux(&[&args[..], more].concat())
+    };
+    let prepared = |name: &str| {
+        let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&stats).unwrap()).unwrap();
+        json["prepared"][name].as_u64().unwrap_or_else(|| panic!("{name} in {json}"))
+    };
+    let first = render(&cornell, &["--save-cache", &cache]);
+    assert!(first.status.success(), "{}", stderr(&first));
+    let (rays, records) = (prepared("cache rays of records"), prepared("cache records"));
+    let second = render(&cornell, &["--load-cache", &cache]);
+    assert!(second.status.success(), "{}", stderr(&second));
+    assert_eq!(prepared("cache records loaded"), records);
+    let new = prepared("cache records") - records;
+    assert!(new * 5 < records && prepared("cache rays of records") * 5 < rays, "{new} new beside {records}");
+
+    let whole = std::fs::read(&cache).unwrap();
+    std::fs::write(file("cut.cache"), &whole[..whole.len() / 2]).unwrap();
+    std::fs::write(file("text.cache"), "no cache").unwrap();
+    for (scene, more, said) in [
+        (&spheres, ["--load-cache", &cache], "other geometry"),
+        (&cornell, ["--load-cache", &file("cut.cache")], "damaged"),
+        (&cornell, ["--load-cache", &file("text.cache")], "no irradiance cache"),
+        (&cornell, ["--load-cache", &file("missing.cache")], "missing.cache"),
+        (&cornell, ["--load-cache", dir.path().to_str().unwrap()], "error"),
+        (&cornell, ["--save-cache", &file("missing/x.cache")], "missing"),
+    ] {
+        let out = render(scene, &more);
+        assert_eq!(out.status.code(), Some(1), "{more:?}: {}", stderr(&out));
+        assert!(stderr(&out).contains(said) && !stderr(&out).contains("panicked"), "{more:?}: {}", stderr(&out));
+    }
+    for flag in ["--load-cache", "--save-cache"] {
+        let out = render(&cornell, &["--integrator", "path", flag, &cache]);
+        assert!(out.status.code() == Some(1) && stderr(&out).contains("uses no irradiance cache"), "{}", stderr(&out));
+    }
+}
+
+#[test]
 fn completions_are_printed() {
     assert!(stdout(&dualux(&["completions", "bash"])).contains("--time-limit"));
 }

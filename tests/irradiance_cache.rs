@@ -453,7 +453,9 @@ fn a_file_gives_the_same_cache_back_and_wrong_files_are_refused() {
     let light = HitLight::Operator { caustic: &nothing };
     let mut cache = fill(ready.world(), CacheSettings::default(), &places, &light);
     let bytes = cache.to_bytes();
-    let mut read = IrradianceCache::from_bytes(ready.world(), &bytes).expect("its own file");
+    let file = IrradianceCache::from_bytes(ready.world(), &bytes).expect("its own file");
+    assert!(file.same_light);
+    let mut read = file.cache;
     assert_eq!(read.statistics(), cache.statistics());
     assert!(places.iter().all(|p| look(&read, p) == look(&cache, p)));
     // It goes on as the one that was never written would.
@@ -476,13 +478,63 @@ fn a_file_gives_the_same_cache_back_and_wrong_files_are_refused() {
     };
     assert!(matches!(refused(&changed(0), ready.world()), CacheFileError::NoCache));
     assert!(matches!(refused(&[], ready.world()), CacheFileError::NoCache));
-    assert!(matches!(refused(&changed(16), ready.world()), CacheFileError::Version { found: 0 }));
+    assert!(matches!(refused(&changed(16), ready.world()), CacheFileError::Version { .. }));
     assert!(matches!(refused(&changed(bytes.len() / 2), ready.world()), CacheFileError::Damaged));
     for cut in [17, 20, 40, bytes.len() - 1] {
         assert!(matches!(refused(&bytes[..cut], ready.world()), CacheFileError::Damaged));
     }
     let other = Ready::new(two_rooms(true));
     assert!(matches!(refused(&bytes, other.world()), CacheFileError::OtherScene));
+    let repainted = |desc: &mut Description| {
+        desc.materials.iter_mut().for_each(|m| {
+            if let Material::Diffuse { reflectance } = m {
+                *reflectance = Color::Constant(Rgb::splat(0.123));
+            }
+        });
+    };
+    let mut desc = lit_box();
+    repainted(&mut desc);
+    let other = Ready::new(desc);
+    assert!(matches!(refused(&bytes, other.world()), CacheFileError::OtherMaterials));
+}
+
+/// A mesh of two triangles on the floor of a box: the vertex they share moves without a change of any bounding box.
+fn box_with_mesh(x: f32) -> Description {
+    let mut scene = lit_box();
+    let grey = diffuse(&mut scene, 0.5);
+    let corners = [[-0.5, -0.5, -0.5], [0.5, -0.5, -0.5], [0.5, -0.5, 0.5], [-0.5, -0.5, 0.5], [x, -0.4, 0.0]];
+    let mesh = dualux::scene::mesh::MeshData {
+        positions: corners.map(Vec3::from_array).to_vec(),
+        triangles: vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
+        face_normals: true,
+        ..Default::default()
+    };
+    shape(&mut scene, GeometryDesc::Mesh(mesh), DMat4::IDENTITY, grey, None);
+    scene
+}
+
+#[test]
+fn a_file_knows_its_geometry_to_the_last_vertex_and_tells_of_other_lights() {
+    use dualux::transport::cache_file::CacheFileError;
+    let ready = Ready::new(box_with_mesh(0.0));
+    let places = ready.places(Vec3::new(0.1, 0.2, -0.3), 300, |_| true);
+    let light = HitLight::Operator { caustic: &nothing };
+    let cache = fill(ready.world(), CacheSettings::default(), &places, &light);
+    let bytes = cache.to_bytes();
+    let moved = Ready::new(box_with_mesh(1e-3));
+    let refused = IrradianceCache::from_bytes(moved.world(), &bytes).expect_err("a vertex has moved");
+    assert!(matches!(refused, CacheFileError::OtherScene), "{refused}");
+
+    let mut desc = box_with_mesh(0.0);
+    point_light(&mut desc, DVec3::new(0.3, 0.4, 0.5), 2.0);
+    let other = Ready::new(desc);
+    let file = IrradianceCache::from_bytes(other.world(), &bytes).expect("the same shapes");
+    assert!(!file.same_light);
+    let mut relit = file.cache;
+    relit.relight(other.world(), &light);
+    assert_eq!(relit.statistics().record_rays.rays, cache.statistics().record_rays.rays, "no gather ray is traced");
+    let sum = |c: &IrradianceCache| c.records().iter().map(|r| r.irradiance.x).sum::<f32>();
+    assert!(sum(&relit) > 1.2 * sum(&cache), "{} {}", sum(&relit), sum(&cache));
 }
 
 #[test]

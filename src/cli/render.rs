@@ -13,6 +13,7 @@ use crate::integrators::Counts;
 use crate::integrators::photon::{Antialiasing, Emission, Indirect};
 use crate::render::{InvalidSample, RenderSettings, render, replay, tiles_per_pass};
 use crate::transport::World;
+use crate::transport::cache_file::CacheFileError;
 use crate::transport::direct::LightSampling;
 use crate::transport::light_cull::{CullingSettings, MOST_KEPT, Reservoir};
 use crate::transport::light_selection::{LightStrategy, SelectionSettings};
@@ -122,6 +123,13 @@ pub struct PhotonArgs {
     /// Photons per pass for caustics [default: as many as pixels, within 33K and 262K].
     #[arg(long, value_parser = options::positive)]
     pub caustic_photons: Option<u64>,
+    /// Start from the irradiance cache in this file, made by --save-cache for the same shapes and materials: records are added where
+    /// there are none. After a change of lights the stored hits are evaluated anew.
+    #[arg(long, value_name = "FILE")]
+    pub load_cache: Option<PathBuf>,
+    /// Write the irradiance cache to this file in the end.
+    #[arg(long, value_name = "FILE")]
+    pub save_cache: Option<PathBuf>,
     /// Show only the light that diffuse surfaces receive in these ways.
     #[arg(long, value_enum, value_delimiter = ',')]
     pub only: Vec<Part>,
@@ -259,6 +267,12 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     let lights = LightTree::new(&scene);
     let mut integrator = session::integrator(args, World::new(&scene, &accel).with_lights(&lights));
     let integrator = integrator.as_mut();
+    session::load_cache(args, integrator)?;
+    if let Some(path) = &args.photon.save_cache
+        && integrator.cache().is_none()
+    {
+        return Err(format!("{}: {}", path.display(), CacheFileError::NotUsed).into());
+    }
     if let Some(at) = args.replay {
         let s = replay(&scene, integrator, seed, at);
         let radiance = s.radiance.to_array();
@@ -310,6 +324,9 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
             Some(bytes) => atomic::write_file(path, &bytes)?,
             None => tell(format_args!("note: the integrator {} has no points to write", integrator.name())),
         }
+    }
+    if let (Some(path), Some(cache)) = (&args.photon.save_cache, integrator.cache()) {
+        cache.save(path)?;
     }
     let remarks = session::remarks(&scene, integrator, &done);
     let (mean, standard_error) = done.film.mean_and_error();
@@ -373,8 +390,8 @@ fn output(args: &RenderArgs, frame: (usize, usize), seed: u64) -> Result<Output,
     let output = Output { paths, aovs, exposure: args.exposure, frame, edges: Vec::new(), attributes };
     if args.replay.is_none() {
         output.paths.iter().try_for_each(|path| check_name(path))?;
-        args.stats_json.as_deref().map_or(Ok(()), atomic::check)?;
-        args.points.as_deref().map_or(Ok(()), atomic::check)?;
+        let files = [&args.stats_json, &args.points, &args.photon.save_cache];
+        files.into_iter().flatten().try_for_each(|path| atomic::check(path))?;
     }
     Ok(output)
 }

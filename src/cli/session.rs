@@ -15,6 +15,7 @@ use crate::render::Progress;
 use crate::scene::Scene;
 use crate::scene::description::IntegratorDesc;
 use crate::transport::World;
+use crate::transport::cache_file::CacheFileError;
 use crate::transport::direct::DirectSettings;
 use crate::transport::photon_map::Kernel;
 use crate::transport::strategies::StrategySettings;
@@ -52,6 +53,15 @@ pub fn integrator<'a>(args: &RenderArgs, world: World<'a>) -> Box<dyn Integrator
         }
         IntegratorChoice::Path => Box::new(Path::new(world, path_settings(args, &world.scene.integrator))),
     }
+}
+
+/// Hands the integrator the cache that the flags name.
+pub fn load_cache(args: &RenderArgs, integrator: &mut dyn Integrator) -> Result<(), Failure> {
+    let Some(path) = &args.photon.load_cache else { return Ok(()) };
+    integrator.load_cache(path).map_err(|e| match e {
+        CacheFileError::Io(text) => text.into(),
+        other => format!("{}: {other}", path.display()).into(),
+    })
 }
 
 /// When to stop: the number of passes, and the limit of the process's wall clock. Either may be absent, but not both.

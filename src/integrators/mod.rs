@@ -7,8 +7,11 @@ pub mod photon;
 use crate::image::film::{Features, Film};
 use crate::math::{Rgb, Sampler};
 use crate::scene::camera::CameraRay;
+use crate::transport::IrradianceCache;
+use crate::transport::cache_file::CacheFileError;
 use crate::transport::direct::DirectCounts;
 use crate::transport::strategies::ManyLightCounts;
+use std::path::Path;
 
 /// What was counted while rendering. Sums over samples, the same for any number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -89,6 +92,20 @@ pub trait Integrator: Sync {
     /// Radiance along a camera ray and the features of the first surface. A pure function of the ray, the pass and
     /// the sampler's numbers.
     fn sample(&self, ray: &CameraRay, pass: u64, sampler: &mut Sampler, counts: &mut Counts) -> (Rgb, Features);
+
+    /// Starts from the irradiance cache in a file instead of an empty one; to be called before anything is prepared.
+    ///
+    /// # Errors
+    /// If the file is no cache of this scene, or the integrator would not use one.
+    fn load_cache(&mut self, path: &Path) -> Result<(), CacheFileError> {
+        let _ = path;
+        Err(CacheFileError::NotUsed)
+    }
+
+    /// The irradiance cache as it is, if one is used.
+    fn cache(&self) -> Option<&IrradianceCache<'_>> {
+        None
+    }
 
     /// What was prepared, by name: sizes of maps and caches, rays traced for them.
     fn figures(&self) -> Vec<(&'static str, u64)> {

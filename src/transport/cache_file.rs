@@ -1,13 +1,13 @@
 //! A cache as a file, so that another picture of the same scene starts with it.
 //!
-//! Layout      [`MAGIC`], [`VERSION`], a fingerprint of the geometry, the cache's fields in order of their declaration, and a
+//! Layout      [`MAGIC`], [`VERSION`], a [`Fingerprint`] of the scene, the cache's fields in order of their declaration, and a
 //!             check sum of all before it. Numbers are little-endian, vectors have their length in front (u64)
-//! Refused     other files, other versions, other geometry and damaged files, each with its own message
-//! Not handled materials and lights are not part of the fingerprint: after a change of lights call
-//!             [`IrradianceCache::relight`]; after a change of materials make a new cache
+//! Refused     other files, other versions, other geometry, other materials and damaged files, each with its own message. Other
+//!             lights are told ([`FromFile::same_light`]): [`IrradianceCache::relight`] evaluates the stored hits under them
 //! Verified by tests/irradiance_cache.rs: the same bits come back; every kind of wrong file is refused
 
 use super::World;
+use super::fingerprint::Fingerprint;
 use super::irradiance_cache::IrradianceCache;
 use crate::image::atomic;
 use crate::math::sampler::hash;
@@ -18,7 +18,7 @@ use std::path::Path;
 /// First bytes of the file.
 pub const MAGIC: &[u8; 16] = b"dualux irr.cache";
 /// Version of the layout.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Why a cache file cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -38,9 +38,26 @@ pub enum CacheFileError {
     /// It belongs to another scene.
     #[error("the cache was made for other geometry than that of this scene")]
     OtherScene,
+    /// It belongs to a scene of the same shapes with other materials.
+    #[error("the cache was made for other materials or textures than those of this scene")]
+    OtherMaterials,
     /// It is cut off or was changed.
     #[error("the cache file is damaged (its check sum does not fit)")]
     Damaged,
+    /// Nothing would look into it.
+    #[error(
+        "this render uses no irradiance cache (it takes --integrator photon, --indirect cache and more than direct light)"
+    )]
+    NotUsed,
+}
+
+/// A cache that was read.
+#[derive(Clone, Debug)]
+pub struct FromFile<'a> {
+    /// The cache.
+    pub cache: IrradianceCache<'a>,
+    /// Whether it was made under the lights that the scene has now; else [`IrradianceCache::relight`] is due.
+    pub same_light: bool,
 }
 
 /// What can be written to a cache file and read again.
@@ -85,6 +102,7 @@ pub(super) use stored;
 stored!(Vec2 { x, y });
 stored!(Vec3 { x, y, z });
 stored!(Frame { s, t, n });
+stored!(Fingerprint { geometry, materials, lights });
 
 impl Stored for bool {
     fn put(&self, out: &mut Vec<u8>) {
@@ -151,15 +169,6 @@ impl<T: Stored> Stored for Vec<T> {
     }
 }
 
-/// Numbers that tell one scene's geometry from another's.
-fn fingerprint(world: &World) -> u64 {
-    world.scene.shapes.iter().fold(world.scene.shapes.len() as u64, |key, shape| {
-        let (low, high) = shape.bounds();
-        let bits = [low, high].into_iter().flat_map(|v| v.to_array()).map(|c| u64::from(c.to_bits()));
-        bits.chain([shape.primitive_count() as u64]).fold(key, hash)
-    })
-}
-
 fn check_sum(bytes: &[u8]) -> u64 {
     bytes.chunks(8).fold(bytes.len() as u64, |key, chunk| {
         let mut word = [0; 8];
@@ -173,7 +182,7 @@ impl<'a> IrradianceCache<'a> {
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut out = MAGIC.to_vec();
         VERSION.put(&mut out);
-        fingerprint(self.world()).put(&mut out);
+        Fingerprint::new(self.world()).put(&mut out);
         self.put_fields(&mut out);
         let sum = check_sum(&out);
         sum.put(&mut out);
@@ -183,8 +192,8 @@ impl<'a> IrradianceCache<'a> {
     /// A cache from the content of a file, for the scene it was made for.
     ///
     /// # Errors
-    /// If it is no such file, of another version, of other geometry, or damaged.
-    pub fn from_bytes(world: World<'a>, bytes: &[u8]) -> Result<Self, CacheFileError> {
+    /// If it is no such file, of another version, of other geometry or materials, or damaged.
+    pub fn from_bytes(world: World<'a>, bytes: &[u8]) -> Result<FromFile<'a>, CacheFileError> {
         let mut rest = bytes.strip_prefix(MAGIC.as_slice()).ok_or(CacheFileError::NoCache)?;
         let found = u32::take(&mut rest).ok_or(CacheFileError::Damaged)?;
         if found != VERSION {
@@ -194,10 +203,15 @@ impl<'a> IrradianceCache<'a> {
         if check_sum(content) != u64::from_le_bytes(*sum) {
             return Err(CacheFileError::Damaged);
         }
-        if u64::take(&mut rest) != Some(fingerprint(&world)) {
+        let (of_file, own) = (Fingerprint::take(&mut rest).ok_or(CacheFileError::Damaged)?, Fingerprint::new(&world));
+        if of_file.geometry != own.geometry {
             return Err(CacheFileError::OtherScene);
         }
-        IrradianceCache::take_fields(world, &mut rest).ok_or(CacheFileError::Damaged)
+        if of_file.materials != own.materials {
+            return Err(CacheFileError::OtherMaterials);
+        }
+        let cache = IrradianceCache::take_fields(world, &mut rest).ok_or(CacheFileError::Damaged)?;
+        Ok(FromFile { cache, same_light: of_file.lights == own.lights })
     }
 
     /// Writes the cache to a file, which appears whole or not at all.
@@ -212,7 +226,7 @@ impl<'a> IrradianceCache<'a> {
     ///
     /// # Errors
     /// As [`Self::from_bytes`], and if the file cannot be read.
-    pub fn load(world: World<'a>, path: &Path) -> Result<Self, CacheFileError> {
+    pub fn load(world: World<'a>, path: &Path) -> Result<FromFile<'a>, CacheFileError> {
         let bytes = std::fs::read(path).map_err(|e| CacheFileError::Io(format!("{}: {e}", path.display())))?;
         Self::from_bytes(world, &bytes)
     }

@@ -98,6 +98,13 @@ impl std::ops::Add for RayCounts {
     }
 }
 
+impl std::ops::Sub for RayCounts {
+    type Output = Self;
+    fn sub(self, o: Self) -> Self {
+        RayCounts { rays: self.rays - o.rays, shadow_rays: self.shadow_rays - o.shadow_rays }
+    }
+}
+
 stored!(RayCounts { rays, shadow_rays });
 stored!(SurfacePoint { p, p_error, n_geo, n_shade, uv, dp_du, dp_dv, shape, prim });
 

@@ -12,7 +12,7 @@
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
 //!   irradiance), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits),
 //!   [`cache_record`] (radii and weights), [`riser`] (what stands between), [`sphere_octree`] (look-up), [`cache_placement`] (places for it all over a scene),
-//!   [`cache_file`]
+//!   [`cache_file`], [`fingerprint`] (what a file belongs to)
 //! * [`vpl`]: virtual point lights from photons; [`vpl_tree`]: groups of them; [`visibility`]: what a few points see of them;
 //!   [`strategies`]: sums over them
 
@@ -23,6 +23,7 @@ pub mod cache_placement;
 pub mod cache_record;
 pub mod differential;
 pub mod direct;
+pub mod fingerprint;
 pub mod footprint_kernel;
 pub mod gather_cache;
 pub mod gather_ray;

@@ -52,6 +52,7 @@ impl Config {
             (args.save_every.is_some(), "--save-every"),
             (args.stats_json.is_some(), "--stats-json"),
             (args.replay.is_some(), "--replay"),
+            (args.photon.save_cache.is_some(), "--save-cache"),
             (args.exposure != 0.0, "--exposure"),
             (args.scene.threads.is_some(), "--threads"),
             (args.quiet, "--quiet"),
@@ -125,7 +126,8 @@ mod tests {
         assert!(message("a: --integrator magic").contains("magic"));
         assert!(message("a: other.xml").contains("other.xml"));
         assert!(message("a: --help").contains("render --help"));
-        for flag in ["-o x.exr", "--time-limit 3s", "-t 2", "-q", "--reference a.exr", "--aov depth"] {
+        for flag in ["-o x.exr", "--time-limit 3s", "-t 2", "-q", "--reference a.exr", "--aov depth", "--save-cache c"]
+        {
             assert!(message(&format!("a: {flag}")).contains("no meaning"), "{flag}");
         }
     }

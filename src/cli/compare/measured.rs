@@ -209,6 +209,7 @@ fn execute(
     args.seed = Some(seed);
     let lights = LightTree::new(&world.scene);
     let mut integrator = session::integrator(&args, World::new(&world.scene, &world.accel).with_lights(&lights));
+    session::load_cache(&args, integrator.as_mut())?;
     let own = config.passes();
     let settings = RenderSettings {
         window: world.scene.film.crop,

@@ -4,7 +4,8 @@
 //!             detector's verdicts, caustics from photons with kernels of their own footprints, diffuse interreflection from a
 //!             cache of gather rays
 //! Passes      each pass has photons of its own and smaller kernels; a new and finer cache is made whenever samples have cost as much as the
-//!             last one
+//!             last one. A cache that was loaded stays: it is filled where the eye sees uncovered places, and not renewed, so that
+//!             pictures of one camera path do not differ by their caches
 //! Source      Namae & Makino (photons, light samples, pixels where derivatives predict edges); Jensen 2001 (the split into
 //!             direct, caustic and indirect light); Yue, Onoue & Nishita (stored gather rays); Knaus & Zwicker 2011 (passes)
 //! Bias        kernels and interpolated irradiance: both shrink with the passes. With a limit of depth, bounces behind mirrors and
@@ -30,11 +31,13 @@ use crate::math::sampler::hash;
 use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::transport::antialias::{AntialiasSettings, samples_per_pixel};
+use crate::transport::cache_file::{CacheFileError, FromFile};
 use crate::transport::direct::{Direct, DirectSettings, LightSampling};
 use crate::transport::gather_ray::RayCounts;
 use crate::transport::gather_sky;
 use crate::transport::photon_map::GlobalMap;
-use crate::transport::{CacheSettings, CausticMap, HitLight, IrradianceCache, World};
+use crate::transport::{CacheSettings, CacheStatistics, CausticMap, HitLight, IrradianceCache, World};
+use std::path::Path;
 
 /// Pixels for each record that a pass may add.
 const PIXELS_PER_RECORD: usize = 24;
@@ -70,12 +73,22 @@ pub struct Photon<'a> {
     caches: u32,
     /// Rays of all caches before this one.
     cache_rays: RayCounts,
+    /// What the cache was when it came from elsewhere; `None` if it is the integrator's own.
+    loaded: Option<Loaded>,
     /// Samples taken since this one was made.
     samples_since: f64,
     /// Whether the cache holds the light of the environment too.
     sky: bool,
     /// Samples per pass of each pixel of the window; none: one.
     samples: Vec<f32>,
+}
+
+/// A cache from elsewhere.
+struct Loaded {
+    /// As it came.
+    as_it_was: CacheStatistics,
+    /// Whether it has the light of this scene.
+    same_light: bool,
 }
 
 impl<'a> Photon<'a> {
@@ -103,15 +116,57 @@ impl<'a> Photon<'a> {
             cache,
             caches: 0,
             cache_rays: RayCounts::default(),
+            loaded: None,
             samples_since: 0.0,
             sky,
             samples: Vec::new(),
         }
     }
 
+    /// Uses the records of `cache` as they are, whatever light they hold. `None` where no cache would be asked.
+    pub fn with_cache(mut self, cache: IrradianceCache<'a>) -> Option<Self> {
+        self.take_over(FromFile { cache, same_light: true }).then_some(self)
+    }
+
+    fn take_over(&mut self, FromFile { cache, same_light }: FromFile<'a>) -> bool {
+        let used = self.cache.is_some();
+        if used {
+            self.loaded = Some(Loaded { as_it_was: cache.statistics(), same_light });
+            self.cache = Some(cache);
+        }
+        used
+    }
+
+    /// Makes a loaded cache fit: the present light, records for places that have none.
+    fn complete(
+        &self,
+        mut cache: IrradianceCache<'a>,
+        same_light: bool,
+        over: &(dyn Fn() -> bool + Sync),
+    ) -> IrradianceCache<'a> {
+        if !same_light {
+            self.with_light(|light| cache.relight(self.world, light));
+        }
+        self.fill(&mut cache, over);
+        cache
+    }
+
+    /// Rays that this run has traced for the present cache.
+    fn own_cache_rays(&self) -> [RayCounts; 2] {
+        let Some(cache) = &self.cache else { return [RayCounts::default(); 2] };
+        let (now, before) = (cache.statistics(), self.loaded.as_ref().map(|l| l.as_it_was).unwrap_or_default());
+        [now.record_rays - before.record_rays, now.surfel_rays - before.surfel_rays]
+    }
+
     /// Makes a cache, if it is time for a new one: when as many samples have been taken as the last one cost rays. Then the noise of
     /// caches falls with the passes like that of samples, and so does their bias, since each is finer than the one before.
     fn renew_cache(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
+        if let Some(&Loaded { same_light, .. }) = self.loaded.as_ref() {
+            if pass == 0 {
+                self.cache = self.cache.take().map(|cache| self.complete(cache, same_light, over));
+            }
+            return;
+        }
         let Some(cache) = &self.cache else { return };
         let known = cache.statistics();
         let cost = (known.record_rays + known.surfel_rays).total();
@@ -139,11 +194,21 @@ impl<'a> Photon<'a> {
 
     /// Records for what the eye sees: coarse to fine.
     fn fill(&self, cache: &mut IrradianceCache, over: &(dyn Fn() -> bool + Sync)) {
+        self.with_light(|light| self.fill_with(cache, light, over));
+        cache.finish();
+    }
+
+    /// Hands on what lights the hits of the cache.
+    fn with_light(&self, mut user: impl FnMut(&HitLight)) {
         let map = self.map.as_ref();
         let caustic = |p: Vec3, n: Vec3| map.map_or(Rgb::ZERO, |map| map.irradiance(p, n));
-        let light = HitLight::Operator { caustic: &caustic };
+        user(&HitLight::Operator { caustic: &caustic });
+    }
+
+    fn fill_with(&self, cache: &mut IrradianceCache, light: &HitLight, over: &(dyn Fn() -> bool + Sync)) {
         let pixels = self.window[2] as usize * self.window[3] as usize;
-        let most = (pixels / PIXELS_PER_RECORD).max(LEAST_RECORDS) * (1 + self.caches as usize);
+        let known_records = cache.records().len();
+        let most = known_records + (pixels / PIXELS_PER_RECORD).max(LEAST_RECORDS) * (1 + self.caches as usize);
         let finest = if self.caches == 0 { 4 } else { 2 };
         let mut known = None;
         for spacing in [32, 16, 8, 4, 2].into_iter().filter(|&s| s >= finest) {
@@ -154,14 +219,13 @@ impl<'a> Photon<'a> {
             // In portions, between which time may be up.
             loop {
                 let before = cache.records().len();
-                cache.fill(&places, &light, PORTION.min(most.saturating_sub(before)));
+                cache.fill(&places, light, PORTION.min(most.saturating_sub(before)));
                 if over() || cache.records().len() < before + PORTION {
                     break;
                 }
             }
             known = Some(spacing);
         }
-        cache.finish();
     }
 
     /// Lowers the number of light samples where points that need several are the rule: then they would cost most of the time, and what
@@ -240,11 +304,9 @@ impl Integrator for Photon<'_> {
 
     fn prepared(&self) -> Counts {
         let mut counts = Counts { photons: self.emitted, ..Counts::default() };
-        if let Some(cache) = &self.cache {
-            let s = cache.statistics();
-            let all = self.cache_rays + s.record_rays + s.surfel_rays;
-            (counts.rays, counts.shadow_rays) = (all.rays, all.shadow_rays);
-        }
+        let [records, surfels] = self.own_cache_rays();
+        let all = self.cache_rays + records + surfels;
+        (counts.rays, counts.shadow_rays) = (all.rays, all.shadow_rays);
         counts
     }
 
@@ -286,14 +348,18 @@ impl Integrator for Photon<'_> {
         }
         if let Some(cache) = &self.cache {
             let s = cache.statistics();
+            let [records, surfels] = self.own_cache_rays();
+            if let Some(loaded) = &self.loaded {
+                all.push(("cache records loaded", loaded.as_it_was.records as u64));
+            }
             all.extend([
                 ("caches", u64::from(self.caches)),
                 ("cache records", s.records as u64),
                 ("cache surfels", s.surfels as u64),
                 ("cache records of least radius", s.smallest as u64),
-                ("cache rays of records", s.record_rays.rays),
-                ("cache rays of surfels", s.surfel_rays.rays),
-                ("cache shadow rays", s.record_rays.shadow_rays + s.surfel_rays.shadow_rays),
+                ("cache rays of records", records.rays),
+                ("cache rays of surfels", surfels.rays),
+                ("cache shadow rays", records.shadow_rays + surfels.shadow_rays),
                 ("cache places left", s.left as u64),
                 ("cache hopeless", u64::from(s.hopeless)),
             ]);
@@ -301,7 +367,24 @@ impl Integrator for Photon<'_> {
         all
     }
 
+    fn load_cache(&mut self, path: &Path) -> Result<(), CacheFileError> {
+        let file = IrradianceCache::load(self.world, path)?;
+        if self.take_over(file) { Ok(()) } else { Err(CacheFileError::NotUsed) }
+    }
+
+    fn cache(&self) -> Option<&IrradianceCache<'_>> {
+        self.cache.as_ref()
+    }
+
     fn remarks(&self, _counts: &Counts) -> Vec<String> {
-        Vec::new()
+        match &self.loaded {
+            Some(l) if !l.same_light => {
+                vec![
+                    "the cache was made under other light; its stored hits were evaluated under that of the scene"
+                        .into(),
+                ]
+            }
+            _ => Vec::new(),
+        }
     }
 }
