@@ -74,6 +74,33 @@ fn figures_of_nabata_are_there_and_missing_scenes_are_told() {
 }
 
 #[test]
+fn a_moved_light_of_yue_takes_no_gather_ray_and_a_moved_camera_few_records() {
+    let dir = tempfile::tempdir().expect("scratch folder");
+    let spheres = scene("cornell-spheres.xml");
+    let out =
+        dualux(dir.path(), &["reproduce", "yue", &spheres, "--scale", "0.1", "-q", "--json", "r.json", "-o", "."]);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("r.json")).unwrap()).unwrap();
+    assert_eq!(json["moved_light_gather_rays"], 0.0);
+    let scenes = json["scenes"].as_array().expect("scenes");
+    assert_eq!(scenes.len(), 2);
+    for s in scenes {
+        // The light was evaluated, and by rays of its own; the count of gather rays is one that can grow.
+        assert!(
+            s["gather_rays"].as_u64().unwrap() > 10_000 && s["moved_light_shadow_rays"].as_u64().unwrap() > 1000,
+            "{s}"
+        );
+        let difference = s["moved_light_difference"].as_f64().unwrap();
+        assert!(difference > 0.0 && difference < 0.3, "{s}");
+    }
+    let share = json["moved_camera_new_records_share"].as_f64().unwrap();
+    assert!((0.0..0.25).contains(&share), "{share}");
+    let table = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(table.contains("moved light / moved camera") && table.contains("2.08"), "{table}");
+    assert!(dir.path().join("yue.html").exists());
+}
+
+#[test]
 fn mistakes_are_explained() {
     let dir = tempfile::tempdir().expect("scratch folder");
     let spheres = scene("cornell-spheres.xml");

@@ -6,6 +6,7 @@
 //! - [`nabata`]: probabilistic visibility for many lights
 //! - [`namae_makino`]: adaptive photon mapping by automatic differentiation
 //! - [`tokuyoshi`]: stochastic light culling; its halls of lamps come from [`lamps`]
+//! - [`yue`]: a cache of gather rays, whose frames are measured without a comparison
 
 mod lamps;
 mod nabata;
@@ -13,6 +14,7 @@ mod namae_makino;
 mod saturation;
 mod scaling;
 mod tokuyoshi;
+mod yue;
 
 use super::compare::budget::Budget;
 use super::compare::configuration::Config;
@@ -78,6 +80,8 @@ enum Paper {
     NamaeMakino,
     /// Tokuyoshi & Harada: stochastic light culling.
     Tokuyoshi,
+    /// Yue, Onoue & Nishita: extended irradiance caching.
+    Yue,
 }
 
 /// One comparison of a paper.
@@ -146,14 +150,16 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Failure> {
         Paper::NamaeMakino => ("namae-makino", (namae_makino::experiments(args)?, Vec::new())),
         Paper::Tokuyoshi => ("tokuyoshi", (tokuyoshi::experiments(args, &scratch)?, Vec::new())),
         Paper::Nabata => ("nabata", nabata::experiments(args)),
+        Paper::Yue => ("yue", (Vec::new(), Vec::new())),
     };
+    let measured_alone = experiments.is_empty();
     let stop = session::stop_on_signals()?;
     let (ready, mut unavailable) = prepare(args, experiments);
     unavailable.extend(missing);
     for (experiment, reason) in &unavailable {
         tell(format_args!("warning: {experiment} cannot be run: {reason}"));
     }
-    if ready.is_empty() {
+    if ready.is_empty() && !measured_alone {
         return Err(format!("nothing of {name} can be run by this version").into());
     }
     let mut outcomes = Outcomes(Vec::new());
@@ -167,6 +173,7 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Failure> {
         Paper::NamaeMakino => namae_makino::findings(&outcomes),
         Paper::Tokuyoshi => tokuyoshi::findings(&outcomes, args, &scratch)?,
         Paper::Nabata => nabata::findings(&outcomes),
+        Paper::Yue => yue::findings(args)?,
     };
     if let Some(folder) = &args.output {
         for o in &outcomes.0 {

@@ -17,7 +17,7 @@ mod allocate;
 pub(super) mod caustics;
 mod eye;
 mod global;
-pub(super) mod places;
+pub mod places;
 mod settings;
 
 pub use settings::{Antialiasing, Emission, Indirect, Parts, PhotonSettings};
