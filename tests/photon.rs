@@ -8,14 +8,15 @@ mod common;
 use common::*;
 use dualux::accel::Accel;
 use dualux::integrators::path::PathSettings;
+use dualux::integrators::photon::places::places;
 use dualux::integrators::photon::{Antialiasing, Indirect, Parts, Photon, PhotonSettings};
 use dualux::math::{DMat4, DVec3, Rgb};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
 use dualux::scene::material::{Distribution, Roughness};
 use dualux::scene::{Color, Material, Scalar, Scene};
-use dualux::transport::World;
 use dualux::transport::light_tree::LightTree;
+use dualux::transport::{CacheSettings, HitLight, IrradianceCache, World};
 use std::sync::atomic::AtomicBool;
 
 /// Two-sided normal quantile at 0.01 / 40, with the wider tails of a few runs.
@@ -238,4 +239,42 @@ fn indirect_light_by_photons_alone_agrees_with_path() {
     let parts = Parts { indirect: false, ..Parts::default() };
     let (c, c_error) = photon_mean(4, 8, &scene, PhotonSettings { parts, ..settings });
     assert!((c - b).abs() > LIMIT * c_error.hypot(b_error) + KERNEL_BIAS * b, "{c}, path {b}");
+}
+
+/// A render with a cache whose records see `glow` more irradiance at the ends of their rays than there is.
+fn with_wrong_cache(desc: Description, settings: PhotonSettings, passes: u64, glow: f32) -> Progress {
+    let scene = Scene::new(desc).expect("the scene is valid");
+    let accel = Accel::new(&scene.shapes);
+    let (window, lights) = (scene.film.crop, LightTree::new(&scene));
+    let world = World::new(&scene, &accel).with_lights(&lights);
+    let mut cache = IrradianceCache::new(world, CacheSettings { seed: settings.seed, ..CacheSettings::default() });
+    let caustic = |_, _| Rgb::splat(glow);
+    cache.fill(&places(world, window, 1, None), &HitLight::Operator { caustic: &caustic }, usize::MAX);
+    cache.finish();
+    let mut integrator = Photon::new(world, settings, window).with_cache(cache).expect("a cache is used");
+    let run = RenderSettings { window, passes: Some(passes), deadline: None, seed: settings.seed, features: false };
+    render(&scene, &mut integrator, &run, &AtomicBool::new(false), &mut Silent)
+}
+
+#[test]
+fn residual_roulette_has_the_mean_of_gathering_even_where_the_cache_is_wrong() {
+    let scene = with(materials()[0].1.clone());
+    let settings = |indirect| PhotonSettings { indirect, adaptive_sampling: false, ..PhotonSettings::default() };
+    let (runs, passes) = (8, 16);
+    let (b, b_error) = photon_mean(runs, passes, &scene, settings(Indirect::Gather));
+    let agrees = |(a, a_error): (f64, f64)| (a - b).abs() < LIMIT * a_error.hypot(b_error);
+    let own = photon_mean(runs, passes, &scene, settings(Indirect::Residual));
+    assert!(own.1.hypot(b_error) < 0.01 * b, "the test has no power: {own:?}, gathering {b} +- {b_error}");
+    assert!(agrees(own), "{own:?}, gathering {b} +- {b_error}");
+    let wrong = |indirect, runs| {
+        mean_over_runs(runs, |seed| {
+            with_wrong_cache(scene(), PhotonSettings { seed, ..settings(indirect) }, passes, 1.0)
+        })
+    };
+    let corrected = wrong(Indirect::Residual, runs);
+    assert!(corrected.1.hypot(b_error) < 0.02 * b, "the test has no power: {corrected:?}");
+    assert!(agrees(corrected), "{corrected:?}, gathering {b} +- {b_error}");
+    // The same cache without correction shows how wrong it is.
+    let believed = wrong(Indirect::Cache, 3);
+    assert!(!agrees(believed) && believed.0 > 1.2 * b, "{believed:?}, gathering {b}");
 }

@@ -12,14 +12,18 @@
 //! nearly specular surface that it meets until then, light is not sampled. Nearly specular: Dirac lobes, and glossy ones of a roughness
 //! below a threshold; the lobe that scattered decides ([`nearly_specular`]). Without caustic photons the path itself finds caustics.
 //!
+//! Residual roulette ([`Indirect::Residual`]): the cache's value q is a prediction. With the probability u = [`CHECK`] the path goes on from d
+//! as if there were no record and brings v: the estimate q + (v - q) B / u has the mean of v whatever q is (`math::residual_roulette`). What the path
+//! meets next is treated in the same way. Errors of the cache become noise; kernels of caustic photons keep their bias.
+//!
 //! Branching: Dirac lobes at the first vertices send on both mirrored and refracted ray ([`MOST_BRANCHES`]).
 //! Verified by tests/furnace.rs and tests/photon.rs: agreement with the path tracer, part by part.
 
-use super::settings::{Parts, PhotonSettings};
+use super::settings::{Indirect, Parts, PhotonSettings};
 use crate::accel::Ray;
 use crate::image::film::Features;
 use crate::integrators::Counts;
-use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
+use crate::math::{ResidualRoulette, Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::direct::{Direct, Found, Stage, Vantage};
@@ -35,6 +39,8 @@ const MOST_BRANCHES: usize = 8;
 const FIRST_DEPTH: u32 = 4;
 /// Rays of less importance (throughput x eta^2) than this live on by roulette, whatever their depth.
 const DIM: f32 = 0.05;
+/// Probability that a prediction of the cache is checked by a path. The noise of the correction goes with 1 / u, the cost with u.
+const CHECK: f32 = 0.25;
 
 /// All that an eye path asks.
 pub struct Eye<'a> {
@@ -166,8 +172,8 @@ impl Eye<'_> {
         }
         let (diffuse, rest) = bsdf.split();
         let end = End { at: &at, wo, diffuse: diffuse.as_ref(), rest: rest.as_ref(), last };
-        let known = last || self.reflected(&b, &end, sample);
-        self.go_on(b, &end, known, sample);
+        let unknown = if last { 0.0 } else { self.reflected(&b, &end, sample) };
+        self.go_on(b, &end, unknown, sample);
     }
 
     /// Weight of an emitter that a ray meets.
@@ -187,8 +193,9 @@ impl Eye<'_> {
             && nearly_specular(rest, LobeKind::Glossy)
     }
 
-    /// Adds what the surface reflects of light known there. True if that is all the light on the diffuse part.
-    fn reflected(&self, b: &Branch, end: &End, sample: &mut Sample) -> bool {
+    /// Adds what the surface reflects of light known there. 0 if that is all the light on the diffuse part; else the path has to go on from
+    /// there, and has been chosen to with the probability returned.
+    fn reflected(&self, b: &Branch, end: &End, sample: &mut Sample) -> f32 {
         let &End { at, wo, diffuse, rest, .. } = end;
         let parts = self.parts();
         let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
@@ -196,35 +203,42 @@ impl Eye<'_> {
             let light = self.direct.radiance(at, diffuse, sampled, wo, stage(b), sample.rng, &mut sample.counts.direct);
             sample.radiance += b.throughput * light;
         }
-        let Some(diffuse) = diffuse else { return true };
+        let Some(diffuse) = diffuse else { return 0.0 };
         let most = self.settings.path.max_depth.map_or(u32::MAX, |max| max.saturating_sub(b.depth + 1));
         if let Some(map) = self.caustics.filter(|_| if b.indirect { parts.indirect } else { parts.caustic }) {
             sample.radiance += b.throughput * map.radiance_within(at, diffuse, wo, most);
         }
         if !parts.indirect {
-            return true;
+            return 0.0;
         }
         if let Some(map) = self.global {
             let light = map.radiance(at, diffuse, wo, Filter::INDIRECT.within(most));
             sample.radiance += b.throughput * light;
-            return true;
+            return 0.0;
         }
         let facet = Facet::seen_from(at, wo);
         let cached = self.cache.and_then(|cache| cache.lookup(facet.p, facet.n_shade, facet.n_geo));
         sample.counts.cache_lookups += u64::from(self.cache.is_some());
         sample.counts.cache_misses += u64::from(self.cache.is_some() && cached.is_none());
-        if let Some(irradiance) = cached {
-            sample.radiance += b.throughput * diffuse.albedo(wo) * irradiance * FRAC_1_PI;
+        let Some(irradiance) = cached else { return 1.0 };
+        let predicted = diffuse.albedo(wo) * irradiance * FRAC_1_PI;
+        if self.settings.indirect != Indirect::Residual {
+            sample.radiance += b.throughput * predicted;
+            return 0.0;
         }
-        cached.is_some()
+        let checked = sample.rng.next_2d().x < CHECK;
+        // What the path brings comes later.
+        let without_path = |q: f32| ResidualRoulette { pi: 1.0, q, u: CHECK }.estimate(true, checked, || 0.0);
+        sample.radiance += b.throughput * Rgb::from_array(predicted.to_array().map(without_path));
+        if checked { CHECK } else { 0.0 }
     }
 
-    /// Sends rays on from the surface: from the rest, and from the diffuse part where its light is not `known`.
-    fn go_on(&self, b: Branch, end: &End, known: bool, sample: &mut Sample) {
+    /// Sends rays on from the surface: from the rest, and from the diffuse part if its light is unknown, which had the probability `chosen`.
+    fn go_on(&self, b: Branch, end: &End, chosen: f32, sample: &mut Sample) {
         let [ux, uy, mut u_lobe, u_roulette] = sample.rng.next_4d();
         let crowded = b.blurred || MOST_BRANCHES - sample.waiting.len() < 4;
-        let mut shares = [1.0; 2];
-        let (mut unknown, mut rest) = (end.diffuse.filter(|_| !known), end.rest);
+        let mut shares = [chosen, 1.0];
+        let (mut unknown, mut rest) = (end.diffuse.filter(|_| chosen > 0.0), end.rest);
         if let (Some(d), Some(r), true) = (unknown, rest, crowded) {
             // No room for both: one by chance.
             let [d_share, r_share] = [d, r].map(|part| luminance(part.albedo(end.wo)).max(1e-6));
@@ -232,7 +246,7 @@ impl Eye<'_> {
             if u_lobe < p {
                 (unknown, shares[1], u_lobe) = (None, p, u_lobe / p);
             } else {
-                (rest, shares[0], u_lobe) = (None, 1.0 - p, (u_lobe - p) / (1.0 - p));
+                (rest, shares[0], u_lobe) = (None, chosen * (1.0 - p), (u_lobe - p) / (1.0 - p));
             }
         }
         let u = Vec2::new(ux, uy);

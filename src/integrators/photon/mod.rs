@@ -95,7 +95,8 @@ impl<'a> Photon<'a> {
     /// An integrator for the pixels of `window` (x, y, width, height).
     pub fn new(world: World<'a>, settings: PhotonSettings, window: [u32; 4]) -> Self {
         let bounces = settings.path.max_depth.is_none_or(|d| d > 2);
-        let cached = settings.indirect == Indirect::Cache && settings.parts.indirect && bounces;
+        let by_records = matches!(settings.indirect, Indirect::Cache | Indirect::Residual);
+        let cached = by_records && settings.parts.indirect && bounces;
         let cache = cached.then(|| IrradianceCache::new(world, CacheSettings::default()));
         let sky = cached && gather_sky::is_gathered(&world);
         let by_photons = settings.indirect == Indirect::Photons && settings.parts.indirect && bounces;
@@ -324,7 +325,9 @@ impl Integrator for Photon<'_> {
     }
 
     fn learns(&self) -> bool {
-        self.settings.adaptive_sampling && self.settings.antialiasing == Antialiasing::Adaptive
+        // Few samples say nothing of residuals that are traced by chance: to follow them would bring a bias back.
+        let unbiased = self.settings.indirect == Indirect::Residual;
+        self.settings.adaptive_sampling && !unbiased && self.settings.antialiasing == Antialiasing::Adaptive
     }
 
     fn learn(&mut self, film: &Film) {

@@ -23,6 +23,8 @@ pub enum Indirect {
     Cache,
     /// Paths: the oracle of the cache.
     Gather,
+    /// The cache as a prediction that paths correct by chance: its errors become noise.
+    Residual,
     /// The global photon map alone.
     Photons,
 }
