@@ -215,6 +215,75 @@ fn a_saved_cache_serves_another_picture_and_wrong_files_are_refused() {
 }
 
 #[test]
+fn old_photon_integrators_run_as_ours_with_their_counts() {
+    let (dir, path) = scratch("old.xml");
+    let (exr, stats) = (dir.path().join("o.exr"), dir.path().join("s.json"));
+    let [path, exr, stats] = [&path, &exr, &stats].map(|p| p.to_str().unwrap());
+    let write = |kind: &str, words: &str| {
+        let text = format!(
+            "<scene version=\"0.5.0\"><integrator type=\"{kind}\"><integer name=\"maxDepth\" value=\"6\"/>{words}</integrator>
+            <sensor type=\"perspective\"><transform name=\"toWorld\"><lookat origin=\"0,1,4\" target=\"0,0.5,0\" up=\"0,1,0\"/></transform>
+            <film type=\"hdrfilm\"><integer name=\"width\" value=\"16\"/><integer name=\"height\" value=\"16\"/></film>
+            <sampler type=\"independent\"><integer name=\"sampleCount\" value=\"2\"/></sampler></sensor>
+            <shape type=\"rectangle\"><transform name=\"toWorld\"><rotate x=\"1\" angle=\"-90\"/></transform><bsdf type=\"diffuse\"/></shape>
+            <shape type=\"sphere\"><point name=\"center\" y=\"0.6\"/><float name=\"radius\" value=\"0.3\"/><bsdf type=\"dielectric\"/></shape>
+            <emitter type=\"point\"><point name=\"position\" y=\"2\"/></emitter></scene>"
+        );
+        std::fs::write(path, text).expect("written");
+    };
+    let run = || {
+        let out = dualux(&["render", path, "-o", exr, "--emission", "uniform", "--stats-json", stats]);
+        assert!(out.status.success(), "{}", stderr(&out));
+        let json: serde_json::Value = serde_json::from_slice(&std::fs::read(stats).unwrap()).unwrap();
+        (json, stderr(&out))
+    };
+    let info = || {
+        let out = dualux(&["info", path, "--json"]);
+        serde_json::from_slice::<serde_json::Value>(&out.stdout).expect("JSON")
+    };
+    let words = "<integer name=\"photonCount\" value=\"5000\"/><integer name=\"maxPasses\" value=\"3\"/><float name=\"initialRadius\" value=\"0.1\"/>";
+    write("sppm", words);
+    let (json, said) = run();
+    assert_eq!((&json["integrator"], &json["passes"]), (&"photon".into(), &3.into()));
+    assert_eq!(json["counts"]["photons"], 3 * 5000);
+    assert!(said.contains("\"sppm\"") && said.contains("initialRadius is not used"), "{said}");
+    assert_eq!(info()["integrator"], "photon");
+    let warnings = info()["warnings"].to_string();
+    assert!(warnings.contains("initialRadius"), "{warnings}");
+
+    write(
+        "photonmapper",
+        "<integer name=\"globalPhotons\" value=\"9000\"/><integer name=\"causticPhotons\" value=\"700\"/>",
+    );
+    let (json, _) = run();
+    assert_eq!((&json["passes"], &json["counts"]["photons"]), (&2.into(), &(2 * 700).into()));
+    // What is asked for on the command line goes before.
+    let out = dualux(&[
+        "render",
+        path,
+        "-o",
+        exr,
+        "--caustic-photons",
+        "300",
+        "--passes",
+        "1",
+        "--emission",
+        "uniform",
+        "--stats-json",
+        stats,
+    ]);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(stats).unwrap()).unwrap();
+    assert_eq!(json["counts"]["photons"], 300);
+
+    write("many-light", "");
+    assert_eq!((&run().0["integrator"], &info()["integrator"]), (&"many-light".into(), &"many-light".into()));
+    write("spppm", "");
+    let warnings = info()["warnings"].to_string();
+    assert!(warnings.contains("unknown integrator type") && warnings.contains("did you mean"), "{warnings}");
+}
+
+#[test]
 fn completions_are_printed() {
     assert!(stdout(&dualux(&["completions", "bash"])).contains("--time-limit"));
 }

@@ -3,6 +3,8 @@
 use super::Failure;
 use super::checks::idle_lamps;
 use super::load::{SceneArgs, filter_name};
+use super::render::IntegratorChoice;
+use super::session;
 use crate::scene::{Geometry, Scene};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -62,6 +64,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     let mut warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     let (scene, accel) = args.scene.build(loaded.description)?;
     let build_seconds = start.elapsed().as_secs_f64() - load_seconds;
+    warnings.extend(session::unused_words(&scene.integrator.photon).into_iter().map(|w| format!("note: {w}")));
     warnings.extend(idle_lamps(&scene, &accel).into_iter().map(|w| format!("warning: {w}")));
     let info = Info {
         file: args.scene.scene.display().to_string(),
@@ -71,7 +74,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         filter: filter_name(scene.film.filter),
         sample_count: scene.sample_count,
         file_integrator: &scene.integrator.name,
-        integrator: "photon",
+        integrator: IntegratorChoice::of_file(&scene.integrator.name).name(),
         max_depth: scene.integrator.max_depth,
         shapes: count_shapes(&scene),
         triangles: scene.triangle_count(),

@@ -235,6 +235,26 @@ pub enum IntegratorChoice {
     Path,
 }
 
+impl IntegratorChoice {
+    /// The integrator that runs where the command line names none: one of ours that the file names, under its own name or one that files of
+    /// Mitsuba 0.6 have for it; else photon mapping. All others give their depth, roulette and hidden emitters only.
+    pub fn of_file(name: &str) -> Self {
+        match name {
+            "many-light" => IntegratorChoice::ManyLight,
+            _ => IntegratorChoice::Photon,
+        }
+    }
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            IntegratorChoice::Photon => "photon",
+            IntegratorChoice::ManyLight => "many-light",
+            IntegratorChoice::Path => "path",
+        }
+    }
+}
+
 /// What a run did, for `--stats-json`.
 #[derive(serde::Serialize)]
 struct Stats<'a> {
@@ -301,7 +321,10 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
         tell(format_args!("loaded in {load_seconds:.2} s: {} triangles", scene.triangle_count()));
     }
     let named = scene.integrator.name.as_str();
-    if !args.quiet && args.integrator.is_none() && !matches!(named, "" | "path") {
+    if !args.quiet {
+        session::unused_words(&scene.integrator.photon).iter().for_each(|w| tell(format_args!("note: {w}")));
+    }
+    if !args.quiet && args.integrator.is_none() && !matches!(named, "" | "path") && named != integrator.name() {
         tell(format_args!(
             "note: the file names the integrator \"{named}\"; \"{}\" runs in its place",
             integrator.name()

@@ -13,7 +13,7 @@ use crate::integrators::path::{Path, PathSettings};
 use crate::integrators::photon::{Parts, Photon, PhotonSettings};
 use crate::render::Progress;
 use crate::scene::Scene;
-use crate::scene::description::IntegratorDesc;
+use crate::scene::description::{IntegratorDesc, PhotonDesc};
 use crate::transport::World;
 use crate::transport::cache_file::CacheFileError;
 use crate::transport::direct::DirectSettings;
@@ -42,9 +42,31 @@ pub fn describe(args: &RenderArgs) -> Result<Loaded, Failure> {
     Ok(loaded)
 }
 
+/// Which integrator the flags, else the file ask for.
+fn choice(args: &RenderArgs, scene: &Scene) -> IntegratorChoice {
+    args.integrator.unwrap_or_else(|| IntegratorChoice::of_file(&scene.integrator.name))
+}
+
+/// Photon parameters of the file that mean nothing here, each with the reason.
+pub fn unused_words(file: &PhotonDesc) -> Vec<String> {
+    let radii = "kernels follow the footprints of photons, or --kernel";
+    let words = [
+        ("initialRadius", file.initial_radius.is_some_and(|r| r > 0.0), radii),
+        ("globalLookupRadius", file.global_lookup_radius.is_some(), radii),
+        ("causticLookupRadius", file.caustic_lookup_radius.is_some(), radii),
+        ("lookupSize", file.lookup_size.is_some(), radii),
+        ("alpha", file.alpha.is_some(), radii),
+        ("stepSnapshot", file.step_snapshot.is_some(), "see --save-every"),
+        ("directSamples", file.direct_samples.is_some(), "see --light-samples"),
+        ("maxSpecularDepth", file.max_specular_depth.is_some(), "see --max-depth"),
+    ];
+    let unused = words.iter().filter(|w| w.1);
+    unused.map(|(word, _, why)| format!("the integrator's {word} is not used: {why}")).collect()
+}
+
 /// The integrator that the flags and the file ask for.
 pub fn integrator<'a>(args: &RenderArgs, world: World<'a>) -> Box<dyn Integrator + 'a> {
-    match args.integrator.unwrap_or(IntegratorChoice::Photon) {
+    match choice(args, world.scene) {
         IntegratorChoice::Photon => {
             Box::new(Photon::new(world, photon_settings(args, world.scene), world.scene.film.crop))
         }
@@ -68,8 +90,11 @@ pub fn load_cache(args: &RenderArgs, integrator: &mut dyn Integrator) -> Result<
 pub fn limits(args: &RenderArgs, scene: &Scene) -> (Option<u64>, Option<Duration>) {
     let timeout = || scene.integrator.timeout.and_then(|t| Duration::try_from_secs_f64(t).ok());
     let limit = args.time_limit.or_else(timeout).filter(|l| *l <= options::LONGEST);
+    // Passes of a progressive photon mapper are ours; its sampler's count is not.
+    let photon = choice(args, scene) == IntegratorChoice::Photon;
+    let in_file = scene.integrator.photon.max_passes.filter(|_| photon).or(scene.sample_count);
     let passes = args.passes.or(args.spp).or(match limit {
-        None => Some(scene.sample_count.map_or(DEFAULT_PASSES, u64::from)),
+        None => Some(in_file.map_or(DEFAULT_PASSES, u64::from)),
         Some(_) => None,
     });
     (passes, limit)
@@ -113,6 +138,11 @@ fn many_light_settings(args: &RenderArgs, scene: &Scene) -> ManyLightSettings {
 fn photon_settings(args: &RenderArgs, scene: &Scene) -> PhotonSettings {
     let default = PhotonSettings::default();
     let flags = &args.photon;
+    let file = &scene.integrator.photon;
+    // Progressive photon mappers have one kind of photons: they count for both maps.
+    let progressive = matches!(scene.integrator.name.as_str(), "ppm" | "sppm" | "dppm");
+    let caustic = file.caustic_photons.or(file.photon_count.filter(|_| progressive));
+    let some = |n: Option<u64>| n.filter(|n| *n > 0);
     let shown = |part| flags.only.is_empty() || flags.only.contains(&part);
     PhotonSettings {
         path: path_settings(args, &scene.integrator),
@@ -131,8 +161,8 @@ fn photon_settings(args: &RenderArgs, scene: &Scene) -> PhotonSettings {
         adaptive_light_samples: flags.light_samples.is_none(),
         indirect: flags.indirect.unwrap_or(default.indirect),
         antialiasing: flags.aa.unwrap_or(default.antialiasing),
-        photons: flags.photons,
-        caustic_photons: flags.caustic_photons,
+        photons: flags.photons.or(some(file.photon_count)),
+        caustic_photons: flags.caustic_photons.or(some(caustic)),
         parts: Parts { direct: shown(Part::Direct), caustic: shown(Part::Caustic), indirect: shown(Part::Indirect) },
         seed: args.seed.unwrap_or(scene.seed),
         ..default
