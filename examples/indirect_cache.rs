@@ -13,7 +13,7 @@ use dualux::math::sampler::hash;
 use dualux::math::{Frame, Rgb, Sampler, Vec2, Vec3, luminance, warp};
 use dualux::scene::Scene;
 use dualux::transport::gather_ray::{RayCounts, glossy_direct};
-use dualux::transport::surfel_light::direct_irradiance;
+use dualux::transport::surfel_direct::direct_irradiance;
 use dualux::transport::surfels::Facet;
 use dualux::transport::{CacheSettings, HitLight, IrradianceCache, Place, World};
 use rayon::prelude::*;

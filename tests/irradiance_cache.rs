@@ -9,7 +9,7 @@ use dualux::math::{DMat4, DVec3, Frame, Rgb, Sampler, Vec3, warp};
 use dualux::scene::description::*;
 use dualux::scene::{Color, Description, Material, Scene, SurfacePoint};
 use dualux::transport::gather_ray::RayCounts;
-use dualux::transport::surfel_light::direct_irradiance;
+use dualux::transport::surfel_direct::direct_irradiance;
 use dualux::transport::surfels::Facet;
 use dualux::transport::{CacheSettings, HitLight, IrradianceCache, Place, World};
 use std::f32::consts::PI;

@@ -12,8 +12,8 @@
 //! Not handled whether anyone will ever see a place: the inside of closed objects is covered as well
 //! Verified by tests/irradiance_cache.rs: every point of a room is served
 
+use super::Place;
 use super::World;
-use super::irradiance_cache::Place;
 use crate::accel::Ray;
 use crate::math::distribution::AliasTable;
 use crate::math::sampler::hash;

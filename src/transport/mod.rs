@@ -10,7 +10,7 @@
 //! * [`antialias`]: which pixels need several samples
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
-//!   irradiance), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits),
+//!   irradiance) and [`surfel_direct`] (the direct part of it), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits),
 //!   [`cache_record`] (radii and weights), [`riser`] (what stands between), [`sphere_octree`] (look-up), [`cache_placement`] (places for it all over a scene),
 //!   [`cache_file`], [`fingerprint`] (what a file belongs to)
 //! * [`vpl`]: virtual point lights from photons; [`vpl_tree`]: groups of them; [`visibility`]: what a few points see of them;
@@ -21,6 +21,7 @@ pub mod border;
 pub mod cache_file;
 pub mod cache_placement;
 pub mod cache_record;
+mod cache_settings;
 pub mod differential;
 pub mod direct;
 pub mod fingerprint;
@@ -43,6 +44,7 @@ pub mod photon_walk;
 pub mod riser;
 pub mod sphere_octree;
 pub mod strategies;
+pub mod surfel_direct;
 pub mod surfel_light;
 pub mod surfels;
 #[cfg(test)]
@@ -53,7 +55,8 @@ pub mod vpl_tree;
 mod world;
 
 use crate::scene::{Bsdf, LobeKind};
-pub use irradiance_cache::{CacheSettings, CacheStatistics, IrradianceCache, Place};
+pub use cache_settings::{CacheSettings, CacheStatistics, Place};
+pub use irradiance_cache::IrradianceCache;
 pub use photon_map::CausticMap;
 pub use surfel_light::HitLight;
 pub use world::{MAX_PASSED_SURFACES, Through, World, power_heuristic};

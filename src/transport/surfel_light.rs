@@ -21,12 +21,10 @@
 use super::World;
 use super::cache_file::stored;
 use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
-use super::light_tree::LitPoint;
+use super::surfel_direct::{direct, places_of, samples_needed};
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::hash;
-use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3, luminance, warp};
-use crate::scene::LightSample;
-use arrayvec::ArrayVec;
+use crate::math::{Frame, Rgb, Sampler, Vec3, luminance, warp};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -34,30 +32,16 @@ use std::f32::consts::PI;
 const CONVERGED: f32 = 1e-4;
 /// Most sweeps: with the least albedo 0.98 of a closed white room this leaves 0.2 % of the light.
 const MAX_SWEEPS: u32 = 300;
-/// Aim for the relative variance of a surfel's direct light: a record averages some hundred surfels.
-const DIRECT_VARIANCE: f32 = 0.05;
-/// Most light samples over the least number.
-const MAX_MORE_SAMPLES: f32 = 4.0;
-/// Places within its cell at which a surfel's direct light is sampled, in turn.
-const SPREAD: u32 = 4;
-/// Places within a cell.
-type Spread = ArrayVec<Facet, { SPREAD as usize }>;
-
 /// Surfels that later generations may add, beside as many as the first have.
 const FURTHER: usize = 4096;
 /// Generations of surfels, each found by rays of the one before.
 const MOST_GENERATIONS: u32 = 32;
-/// Surfels from which that is found out.
-const PILOT: usize = 2048;
 /// Surfels that one task works on.
 const CHUNK: usize = 64;
 /// Streams of random numbers.
 const DIRECT: u64 = 0x5d1;
 const ROWS: u64 = 0x5d2;
 const GLOSSY: u64 = 0x5d3;
-const PILOT_A: u64 = 0x5d4;
-const PILOT_B: u64 = 0x5d5;
-const WITHIN: u64 = 0x5d6;
 
 /// Irradiance by position and normal.
 pub type IrradianceAt<'a> = &'a (dyn Fn(Vec3, Vec3) -> Rgb + Sync);
@@ -304,7 +288,7 @@ impl SurfelLight {
                     HitLight::Operator { caustic } | HitLight::OneBounce { caustic } => {
                         let stream = (start + i) as u64;
                         let key = hash(settings.seed, DIRECT);
-                        let places = self.surfels.places_of(world, start + i, samples, key, stream, &mut counts);
+                        let places = places_of(world, &self.surfels, start + i, samples, key, stream, &mut counts);
                         // Of caustics one place must do: asking for them costs as much as many shadow rays.
                         let somewhere = &places[0];
                         caustic(somewhere.p, somewhere.n_shade)
@@ -365,86 +349,4 @@ impl SurfelLight {
             self.total[k] = self.own[k] + self.indirect[self.gatherer[k] as usize];
         }
     }
-}
-
-/// Light samples per surfel that bring the variance of direct light to [`DIRECT_VARIANCE`] times its squared mean, by the
-/// difference of two estimates at each of the first ones.
-fn samples_needed(world: &World, surfels: &Surfels, settings: SurfelSettings) -> u32 {
-    let least = settings.light_samples.max(1);
-    let estimates: Vec<[f32; 2]> = (0..surfels.len().min(PILOT))
-        .into_par_iter()
-        .with_min_len(CHUNK)
-        .map(|i| {
-            let mut counts = RayCounts::default();
-            [PILOT_A, PILOT_B].map(|stream| {
-                let key = hash(settings.seed, stream);
-                let places = surfels.places_of(world, i, least, key, i as u64, &mut counts);
-                luminance(direct(world, &places, least, key, i as u64, &mut counts))
-            })
-        })
-        .collect();
-    let (mut variance, mut mean) = (0.0, 0.0);
-    for [a, b] in &estimates {
-        variance += 0.5 * (a - b) * (a - b);
-        mean += 0.5 * (a + b);
-    }
-    let relative = variance * estimates.len() as f32 / (mean * mean);
-    // No light at all gives NaN: the least number.
-    let wanted = relative / DIRECT_VARIANCE;
-    let more = if wanted > 1.0 { wanted.min(MAX_MORE_SAMPLES) } else { 1.0 };
-    (least as f32 * more).round() as u32
-}
-
-impl Surfels {
-    /// Places in the cell of surfel `k`, one for each of `samples` but no more than [`SPREAD`], at least one.
-    fn places_of(
-        &self,
-        world: &World,
-        k: usize,
-        samples: u32,
-        seed: u64,
-        stream: u64,
-        counts: &mut RayCounts,
-    ) -> Spread {
-        let place = |i: u32| {
-            counts.shadow_rays += 1;
-            let mut rng = Sampler::new(hash(seed, WITHIN), stream, u64::from(i));
-            self.spread(world, k, rng.next_2d())
-        };
-        (0..samples.clamp(1, SPREAD)).map(place).collect()
-    }
-}
-
-/// Irradiance directly from all lights, the mean over `places`.
-fn direct(world: &World, places: &Spread, samples: u32, seed: u64, stream: u64, counts: &mut RayCounts) -> Rgb {
-    let sample = |s: u32| {
-        let place = &places[s as usize % places.len()];
-        direct_sample(world, place, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts)
-    };
-    (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
-}
-
-/// Irradiance directly from all lights, by `samples` light samples.
-pub fn direct_irradiance(
-    world: &World,
-    place: &Facet,
-    samples: u32,
-    seed: u64,
-    stream: u64,
-    counts: &mut RayCounts,
-) -> Rgb {
-    let sample = |s: u32| direct_sample(world, place, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts);
-    (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
-}
-
-fn direct_sample(world: &World, place: &Facet, [ux, uy, u_light, _]: [f32; 4], counts: &mut RayCounts) -> Rgb {
-    let at = LitPoint { p: place.p, n: Some(place.n_shade) };
-    let sample = world.sample_light(&at, u_light, Vec2::new(ux, uy));
-    let Some(LightSample { wi, distance, weight, .. }) = sample else { return Rgb::ZERO };
-    let cos = wi.dot(place.n_shade);
-    if cos <= 0.0 {
-        return Rgb::ZERO;
-    }
-    counts.shadow_rays += 1;
-    weight * (cos * world.transmittance(world.shadow_ray(&place.surface_point(), wi, distance), false).share)
 }
