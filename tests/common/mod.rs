@@ -1,6 +1,8 @@
 //! Small scenes made in code, and a render of them.
 #![allow(dead_code)] // not every test file uses every function
 
+pub mod cache;
+
 use dualux::accel::{Accel, Simd};
 use dualux::integrators::path::{Path, PathSettings};
 use dualux::math::{DMat4, DVec3, Rgb};
