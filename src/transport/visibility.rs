@@ -12,7 +12,7 @@
 //!             of a point mostly lie in one block (cache points are in the order of their clusters)
 //! Source      Nabata et al., section 3.1 and eqs. 6, 11; METHODS 1.A b (coefficient of variation in place of the variance), g
 //! Bias        none: everything here is a prediction
-//! Verified by tests in this file and tests/many_light.rs
+//! Verified by tests of the submodules and of `strategies` (bits against rays), tests/many_light.rs
 
 pub mod clusters;
 pub mod posterior;

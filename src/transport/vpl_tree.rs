@@ -14,7 +14,7 @@
 //! Measure     the bound is a radiance
 //! Bias        none: bounds serve as probabilities; even one that is too low only costs variance
 //! Source      cones and clamped cosines after Conty Estevez & Kulla 2018; METHODS 2.B (thinning)
-//! Verified by tests in this file: no light above the bound of any of its groups
+//! Verified by tests of `strategies`: no light above the bound of any of its groups
 
 use super::visibility::VisibilityCache;
 use super::visibility::clusters::{Point6, longest_side, point6, scale};

@@ -107,10 +107,10 @@ mod tests {
 
     #[test]
     fn noise_of_other_kinds_raises_the_price_and_sums_begin_anew() {
-        let mut meter = metered(1e-4, 1.0);
+        let mut meter = metered(1e-3, 1.0);
         let quiet = meter.read(5.0, None).unwrap();
         assert_eq!(meter.read(5.0, None), None);
-        let noisy = metered(1e-4, 1.0).read(5.0, Some(0.12)).unwrap();
+        let noisy = metered(1e-3, 1.0).read(5.0, Some(0.12)).unwrap();
         assert!(noisy > 1.5 * quiet, "{noisy} {quiet}");
     }
 }

@@ -410,6 +410,27 @@ fn no_light_is_above_the_bounds_of_its_groups() {
 }
 
 #[test]
+fn cache_points_have_seen_what_they_say() {
+    let setting = Setting::new(80, 7);
+    let world = setting.room.world();
+    let (mut seen, mut hidden) = (0, 0);
+    for (c, point) in setting.cache.points().iter().enumerate() {
+        let at = point.surface_point();
+        for (light, (visible, telling)) in setting.vpls.lights.iter().zip(setting.cache.bits(c)) {
+            let d = light.p - point.p;
+            let faces = d.dot(point.n_shade) > 0.0 && d.dot(light.n) < 0.0;
+            assert_eq!(telling, faces);
+            let ray = world.shadow_ray(&at, d / d.length(), d.length());
+            let sees = faces && world.transmittance(ray, false).share > 0.5;
+            assert_eq!(visible, sees);
+            seen += u32::from(sees);
+            hidden += u32::from(faces && !sees);
+        }
+    }
+    assert!(seen > 100 && hidden > 20, "{seen} {hidden}");
+}
+
+#[test]
 fn thinning_looks_at_few_of_many_lights() {
     let [few, many] = [1000u16, 16_000].map(|n| {
         let setting = Setting::new(u64::from(n), 6);
