@@ -5,7 +5,7 @@
 //! s_0(x)    = kappa (albedo mean)^2                                           averages over the k nearest cache points
 //! ```
 //!
-//! Shading points are clustered by position and normal ([`clusters`]); in each pass a random one of every cluster is its cache point, so that the
+//! Shading points are clustered by position and normal ([`mod@clusters`]); in each pass a random one of every cluster is its cache point, so that the
 //! errors of one pass are not those of the next. The k = 3 nearest of a point (kd-tree over six dimensions) are asked; those below whose
 //! horizon a light lies cannot tell and do not count. Of how the bits are read: [`posterior`].
 //! Storage     blocks of 64 cache points; in each, one word of visible and one of telling points per light, side by side: the neighbours

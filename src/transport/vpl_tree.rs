@@ -74,7 +74,7 @@ impl Node {
         self.distance2(p) <= self.range2 * 1.0001
     }
 
-    /// What one of its lights contributes at `p` to a surface of the given reach, at most and typically (never less than a [`NARROWEST`]th of the
+    /// What one of its lights contributes at `p` to a surface of the given reach, at most and typically (never less than an eighth of the
     /// bound); `n`: nothing comes from below its plane.
     #[inline]
     pub fn contribution(&self, p: Vec3, n: Option<Vec3>, reach: f32) -> (f32, f32) {

@@ -7,8 +7,8 @@
 //! | [`nabata`] | 1 | share of 3 cache points | equations 10 to 13 |
 //! | [`residual`] | 1 | posterior | min(1, t sqrt(R / (c_v lambda))) |
 //! | [`culling`] | min(1, 1 / (alpha l^2)), shared xi | 0 | 1 |
-//! | [`hierarchical`] | the same, own xi | 0 | 1 |
-//! | [`joint`] | t q / sqrt(lambda c_s) by node bounds | posterior | min(1, t/pi sqrt(R / (c_v lambda))) |
+//! | `hierarchical` | the same, own xi | 0 | 1 |
+//! | `joint` | t q / sqrt(lambda c_s) by node bounds | posterior | min(1, t/pi sqrt(R / (c_v lambda))) |
 //!
 //! Given the lights of a pass all have the mean of `exact`; what differs is variance and cost. t is the mean of the channels of the tentative
 //! contribution, the path's throughput included, so that one lambda = S / C holds for the whole picture. Estimates may be negative: they are

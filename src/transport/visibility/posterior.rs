@@ -6,7 +6,7 @@
 //! ```
 //!
 //! V of T shadow rays traced so far found the light visible, in a bucket of like cases: (k, b), distance of the nearest cache point, and how
-//! far the normals differ. m_0 is the mean of a Beta posterior under Jeffreys' prior, which counts as w = [`PRIOR`] rays. Rays count from the pass
+//! far the normals differ. m_0 is the mean of a Beta posterior under Jeffreys' prior, which counts as w = `PRIOR` rays. Rays count from the pass
 //! after the one that traced them on ([`Posterior::fold`]): what steers a sum must not depend on the sum.
 //! Source: METHODS 1.A e, 1.B (online calibration). Bias: none, predictions steer only.
 //! Determinism: counts are whole numbers, so that the order in which threads add them does not matter.
