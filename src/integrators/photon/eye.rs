@@ -13,8 +13,9 @@
 //! below a threshold; the lobe that scattered decides ([`nearly_specular`]). Without caustic photons the path itself finds caustics.
 //!
 //! Residual roulette ([`Indirect::Residual`]): the cache's value q is a prediction. With the probability u = [`CHECK`] the path goes on from d
-//! as if there were no record and brings v: the estimate q + (v - q) B / u has the mean of v whatever q is (`math::residual_roulette`). What the path
-//! meets next is treated in the same way. Errors of the cache become noise; kernels of caustic photons keep their bias.
+//! as if there were no record and brings v: the estimate q + (v - q) B / u has the mean of v whatever q is (`math::residual_roulette`). The path itself asks
+//! no records: predictions upon predictions would multiply their noise, by albedo^2 / u each. Errors of the cache become noise; kernels of
+//! caustic photons keep their bias.
 //!
 //! Branching: Dirac lobes at the first vertices send on both mirrored and refracted ray ([`MOST_BRANCHES`]).
 //! Verified by tests/furnace.rs and tests/photon.rs: agreement with the path tracer, part by part.
@@ -215,6 +216,9 @@ impl Eye<'_> {
             let light = map.radiance(at, diffuse, wo, Filter::INDIRECT.within(most));
             sample.radiance += b.throughput * light;
             return 0.0;
+        }
+        if b.indirect && self.settings.indirect == Indirect::Residual {
+            return 1.0;
         }
         let facet = Facet::seen_from(at, wo);
         let cached = self.cache.and_then(|cache| cache.lookup(facet.p, facet.n_shade, facet.n_geo));
