@@ -110,7 +110,9 @@ impl Job<'_> {
         let lens = if self.scene.camera.has_lens() { rng.next_2d() } else { Vec2::ZERO };
         let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + offset;
         let ray = self.scene.camera.ray(at, lens);
-        let (radiance, features) = self.integrator.sample(&ray, pass, &mut rng, counts);
+        let before = counts.all_shadow_rays();
+        let (radiance, mut features) = self.integrator.sample(&ray, pass, &mut rng, counts);
+        features.makeup.shadow_rays = (counts.all_shadow_rays() - before) as f32;
         counts.samples += 1;
         FilmSample { radiance, weight, features }
     }

@@ -5,6 +5,7 @@
 
 mod checks;
 mod compare;
+mod debug_files;
 mod edges;
 mod info;
 mod load;

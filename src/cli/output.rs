@@ -3,7 +3,7 @@
 use super::Failure;
 use crate::edge::map::Cell;
 use crate::image::exr_file::{Attribute, ExrCompression, ExrImage, Precision, write_exr};
-use crate::image::film::Film;
+use crate::image::film::{Film, Makeup};
 use crate::image::png_file::{write_codes, write_png};
 use crate::image::{ImageFileError, Window, atomic};
 use crate::math::Vec3;
@@ -27,6 +27,19 @@ pub enum Aov {
     Variance,
     /// Number of samples (`samples.N`).
     Samples,
+    /// Shadow rays of all samples (`shadow-rays.N`).
+    ShadowRays,
+    /// Light straight from the lights, and what glossy surfaces reflect by themselves (`direct.R`, `.G`, `.B`; photon only).
+    Direct,
+    /// Light on diffuse surfaces by way of specular ones (`caustic.R`, `.G`, `.B`; photon only). The three add up to the picture.
+    Caustic,
+    /// All other light (`indirect.R`, `.G`, `.B`; photon only).
+    Indirect,
+    /// Paths that went on from diffuse surfaces, of all samples (`gathers.N`; photon only).
+    Gathers,
+    /// First look-up in the irradiance cache: records used, their mean radius, bound of the relative error, share of samples that found one
+    /// (`cache.records`, `.radius`, `.error`, `.found`; photon only).
+    Cache,
     /// Predicted edges (`edges.event`, `.kinds`, `.distance`; see `dualux edges --help`).
     Edges,
 }
@@ -34,7 +47,12 @@ pub enum Aov {
 impl Aov {
     /// Whether the integrator has to record features for it.
     pub fn is_feature(self) -> bool {
-        matches!(self, Aov::Albedo | Aov::Normal | Aov::Depth | Aov::Shape)
+        matches!(self, Aov::Albedo | Aov::Normal | Aov::Depth | Aov::Shape | Aov::ShadowRays) || self.is_makeup()
+    }
+
+    /// Whether only an integrator that tells what samples are made of has it.
+    pub fn is_makeup(self) -> bool {
+        matches!(self, Aov::Direct | Aov::Caustic | Aov::Indirect | Aov::Gathers | Aov::Cache)
     }
 }
 
@@ -79,8 +97,9 @@ impl Output {
     /// Values in an EXR file.
     fn values(&self, pixels: usize) -> usize {
         let channels = |aov: &Aov| match aov {
-            Aov::Albedo | Aov::Normal | Aov::Variance | Aov::Edges => 3,
-            Aov::Depth | Aov::Shape | Aov::Samples => 1,
+            Aov::Cache => 4,
+            Aov::Albedo | Aov::Normal | Aov::Variance | Aov::Edges | Aov::Direct | Aov::Caustic | Aov::Indirect => 3,
+            Aov::Depth | Aov::Shape | Aov::Samples | Aov::ShadowRays | Aov::Gathers => 1,
         };
         pixels * (3 + self.aovs.iter().map(channels).sum::<usize>())
     }
@@ -116,6 +135,13 @@ impl Output {
 
     fn add_layers(&self, image: &mut ExrImage, film: &Film) {
         let features = film.features();
+        let light = |image: &mut ExrImage, name: &str, of: fn(&Makeup) -> Vec3| {
+            let v: Vec<Vec3> = features.iter().map(|f| of(&f.makeup)).collect();
+            image.add_layer(name, "RGB", Precision::Float, &v);
+        };
+        let number = |image: &mut ExrImage, layer: &str, name: &str, of: fn(&Makeup) -> f32| {
+            image.add_channel(layer, name, Precision::Float, features.iter().map(|f| of(&f.makeup)).collect());
+        };
         for aov in &self.aovs {
             match aov {
                 Aov::Albedo => {
@@ -133,6 +159,17 @@ impl Output {
                 Aov::Shape => {
                     let v = features.iter().map(|f| f.shape as f32).collect();
                     image.add_channel("shape", "I", Precision::Float, v);
+                }
+                Aov::Direct => light(image, "direct", |m| m.direct),
+                Aov::Caustic => light(image, "caustic", |m| m.caustic),
+                Aov::Indirect => light(image, "indirect", |m| m.indirect),
+                Aov::ShadowRays => number(image, "shadow-rays", "N", |m| m.shadow_rays),
+                Aov::Gathers => number(image, "gathers", "N", |m| m.gathers),
+                Aov::Cache => {
+                    number(image, "cache", "records", |m| m.records);
+                    number(image, "cache", "radius", |m| m.radius);
+                    number(image, "cache", "error", |m| m.error);
+                    number(image, "cache", "found", |m| m.cached);
                 }
                 Aov::Variance => image.add_layer("variance", "RGB", Precision::Float, &film.variance()),
                 Aov::Edges => {

@@ -4,7 +4,7 @@ use super::checks::idle_lamps;
 use super::load::SceneArgs;
 use super::output::{Aov, Output, check_name};
 use super::progress::Reporter;
-use super::{Failure, options, print, session, tell};
+use super::{Failure, debug_files, options, print, session, tell};
 use crate::edge::EdgeDetector;
 use crate::formats::Loaded;
 use crate::image::atomic;
@@ -20,6 +20,7 @@ use crate::transport::light_selection::{LightStrategy, SelectionSettings};
 use crate::transport::light_tree::LightTree;
 use crate::transport::strategies::Strategy;
 use crate::transport::strategies::coins::Coins;
+use clap::ValueEnum;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -130,6 +131,16 @@ pub struct PhotonArgs {
     /// Write the irradiance cache to this file in the end.
     #[arg(long, value_name = "FILE")]
     pub save_cache: Option<PathBuf>,
+    /// Write the photons of the first pass to this PLY file: positions, flux, footprints.
+    #[arg(long, value_name = "FILE")]
+    pub photons_ply: Option<PathBuf>,
+    /// Write the records of the irradiance cache to this PLY file in the end: positions, radii, irradiance.
+    #[arg(long, value_name = "FILE")]
+    pub cache_ply: Option<PathBuf>,
+    /// Write a picture (.exr or .png) of where photons leave the lights: photons per solid angle over those of uniform emission, the faces of a
+    /// light's cube side by side, lights one below the other.
+    #[arg(long, value_name = "FILE")]
+    pub emission_density: Option<PathBuf>,
     /// Show only the light that diffuse surfaces receive in these ways.
     #[arg(long, value_enum, value_delimiter = ',')]
     pub only: Vec<Part>,
@@ -302,6 +313,12 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
         ));
     }
 
+    if let Some(aov) = output.aovs.iter().find(|a| a.is_makeup() && !integrator.tells_makeup()) {
+        let name = aov.to_possible_value().map_or_else(String::new, |v| v.get_name().to_string());
+        return Err(format!("--aov {name}: the integrator {} has no such layer", integrator.name()).into());
+    }
+    debug_files::check(args, integrator)?;
+    debug_files::before(args, integrator)?;
     let window = scene.film.crop;
     if output.aovs.contains(&Aov::Edges) {
         output.edges = EdgeDetector::new(&scene, &accel).pixel_map(window);
@@ -351,6 +368,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     if let (Some(path), Some(cache)) = (&args.photon.save_cache, integrator.cache()) {
         cache.save(path)?;
     }
+    debug_files::after(args, integrator)?;
     let remarks = session::remarks(&scene, integrator, &done);
     let (mean, standard_error) = done.film.mean_and_error();
     let total_seconds = start.elapsed().as_secs_f64();

@@ -3,6 +3,7 @@
 use super::Failure;
 use super::load::{crop_film, scale_film};
 use super::options;
+use super::output::Aov;
 use super::render::{IntegratorChoice, KernelChoice, Part, RenderArgs};
 use crate::formats::Loaded;
 use crate::image::metrics::Reference;
@@ -164,6 +165,7 @@ fn photon_settings(args: &RenderArgs, scene: &Scene) -> PhotonSettings {
         photons: flags.photons.or(some(file.photon_count)),
         caustic_photons: flags.caustic_photons.or(some(caustic)),
         parts: Parts { direct: shown(Part::Direct), caustic: shown(Part::Caustic), indirect: shown(Part::Indirect) },
+        inspect: args.aov.contains(&Aov::Cache),
         seed: args.seed.unwrap_or(scene.seed),
         ..default
     }

@@ -23,7 +23,7 @@ use super::cell::{Cell, Cutter};
 use super::interest::Interest;
 use super::source::Source;
 use super::uniform::{Sequence, Uniform, numbers};
-use super::{EmissionDensity, EmittedRay};
+use super::{DensityMap, EmissionDensity, EmittedRay};
 use crate::accel::{Accel, Ray};
 use crate::edge::predicted::D1;
 use crate::edge::{EdgeDetector, Facet, View};
@@ -381,5 +381,9 @@ impl EmissionDensity for EdgeAdaptive<'_> {
             stratum: id as u32,
             spread: start.spread(s.width.map(|w| 0.5 * w)),
         })
+    }
+
+    fn density_map(&self, light: u32, size: usize) -> Option<DensityMap> {
+        EdgeAdaptive::density_map(self, light, size)
     }
 }

@@ -73,4 +73,10 @@ pub trait EmissionDensity: Sync {
 
     /// Photon `index` of pass `pass`: a pure function. `None` if it has no power (a dark texel, the back of a lamp).
     fn emit(&self, index: usize, pass: u64) -> Option<EmittedRay>;
+
+    /// A picture of the density of a light, faces of `size` x `size` pixels; `None` if it is the natural one.
+    fn density_map(&self, light: u32, size: usize) -> Option<DensityMap> {
+        let _ = (light, size);
+        None
+    }
 }

@@ -19,6 +19,60 @@ pub struct Features {
     pub depth: f32,
     /// Shape index plus one; 0 for no shape (not averaged: the first sample's).
     pub shape: u32,
+    /// What the sample is made of, as far as the integrator tells.
+    pub makeup: Makeup,
+}
+
+/// What a sample is made of and what it took, for debug layers: sums over the samples of a pixel, the light by filter weight.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Makeup {
+    /// Light straight from the lights; also what glossy surfaces reflect by themselves.
+    pub direct: Rgb,
+    /// Light on diffuse surfaces from the lights by specular surfaces alone.
+    pub caustic: Rgb,
+    /// All other light.
+    pub indirect: Rgb,
+    /// Shadow rays.
+    pub shadow_rays: f32,
+    /// Paths that went on from diffuse surfaces.
+    pub gathers: f32,
+    /// 1 if an irradiance cache was looked into with success; the next three are those of the first such look-up.
+    pub cached: f32,
+    /// Records used.
+    pub records: f32,
+    /// Mean radius of the records.
+    pub radius: f32,
+    /// Bound of the relative error of interpolation.
+    pub error: f32,
+}
+
+impl Makeup {
+    fn add(&mut self, o: &Makeup, weight: f32) {
+        self.direct += o.direct * weight;
+        self.caustic += o.caustic * weight;
+        self.indirect += o.indirect * weight;
+        self.shadow_rays += o.shadow_rays;
+        self.gathers += o.gathers;
+        self.cached += o.cached;
+        self.records += o.records;
+        self.radius += o.radius;
+        self.error += o.error;
+    }
+
+    /// Of sums over `1 / k` samples: light per sample, counts in all, figures of the cache per look-up.
+    fn of_sums(&self, k: f32) -> Self {
+        let found = 1.0 / self.cached.max(1.0);
+        Makeup {
+            direct: self.direct * k,
+            caustic: self.caustic * k,
+            indirect: self.indirect * k,
+            cached: self.cached * k,
+            records: self.records * found,
+            radius: self.radius * found,
+            error: self.error * found,
+            ..*self
+        }
+    }
 }
 
 /// One sample of a pixel.
@@ -113,6 +167,7 @@ impl Film {
             f.albedo += sample.features.albedo;
             f.normal += sample.features.normal;
             f.depth += sample.features.depth;
+            f.makeup.add(&sample.features.makeup, sample.weight);
             if pixel.count == 1 {
                 f.shape = sample.features.shape;
             }
@@ -156,11 +211,12 @@ impl Film {
         self.pixels.iter().map(|p| Rgb::from_array(p.variance().map(|v| v as f32))).collect()
     }
 
-    /// Mean features, row-major; empty where none are kept.
+    /// Mean features, row-major; empty where none are kept. Counts of rays and paths are sums over the pixel's samples.
     pub fn features(&self) -> Vec<Features> {
         let scaled = |(f, p): (&Features, &PixelSums)| {
             let k = 1.0 / p.count.max(1) as f32;
-            Features { albedo: f.albedo * k, normal: f.normal * k, depth: f.depth * k, shape: f.shape }
+            let makeup = f.makeup.of_sums(k);
+            Features { albedo: f.albedo * k, normal: f.normal * k, depth: f.depth * k, shape: f.shape, makeup }
         };
         self.features.iter().zip(&self.pixels).map(scaled).collect()
     }
@@ -208,6 +264,20 @@ mod tests {
         }
         let p = film.picture(4);
         assert_eq!((p[6 * 3 + 3].x, p[6 * 2 + 5].x, p[6 * 3 + 5].x), (1.0, 2.0, 9.0));
+    }
+
+    #[test]
+    fn the_makeup_is_weighted_as_the_picture_and_figures_of_the_cache_count_where_it_answered() {
+        let mut film = Film::new([0, 0, 1, 1], true);
+        let direct = Makeup { direct: Rgb::splat(3.0), shadow_rays: 4.0, ..Makeup::default() };
+        let cached =
+            Makeup { indirect: Rgb::splat(1.0), shadow_rays: 2.0, cached: 1.0, records: 5.0, radius: 0.5, ..direct };
+        for (makeup, v, weight) in [(direct, 3.0, 1.5), (cached, 4.0, 0.5)] {
+            film.add(0, 0, &FilmSample { weight, features: Features { makeup, ..Features::default() }, ..sample(v) });
+        }
+        let m = film.features()[0].makeup;
+        assert_eq!((m.direct + m.caustic + m.indirect).x, film.picture(1)[0].x);
+        assert_eq!((m.shadow_rays, m.cached, m.records, m.radius), (6.0, 0.5, 5.0, 0.5));
     }
 
     #[test]

@@ -4,12 +4,14 @@ pub mod many_light;
 pub mod path;
 pub mod photon;
 
+use crate::emission::DensityMap;
 use crate::image::film::{Features, Film};
 use crate::math::{Rgb, Sampler};
 use crate::scene::camera::CameraRay;
 use crate::transport::IrradianceCache;
 use crate::transport::cache_file::CacheFileError;
 use crate::transport::direct::DirectCounts;
+use crate::transport::photon::Photon;
 use crate::transport::strategies::ManyLightCounts;
 use std::path::Path;
 
@@ -38,6 +40,13 @@ pub struct Counts {
     pub invalid: u64,
     /// Photons emitted.
     pub photons: u64,
+}
+
+impl Counts {
+    /// Shadow rays of all kinds.
+    pub fn all_shadow_rays(&self) -> u64 {
+        self.shadow_rays + self.direct.shadow_rays + self.many_light.shadow_rays
+    }
 }
 
 impl std::ops::AddAssign for Counts {
@@ -92,6 +101,22 @@ pub trait Integrator: Sync {
     /// Radiance along a camera ray and the features of the first surface. A pure function of the ray, the pass and
     /// the sampler's numbers.
     fn sample(&self, ray: &CameraRay, pass: u64, sampler: &mut Sampler, counts: &mut Counts) -> (Rgb, Features);
+
+    /// Whether samples say what they are made of: direct, caustic and indirect light, paths, look-ups in the cache.
+    fn tells_makeup(&self) -> bool {
+        false
+    }
+
+    /// The photons of pass 0, traced for this call.
+    fn photons(&self) -> Vec<Photon> {
+        Vec::new()
+    }
+
+    /// Pictures of where photons go, for the first `most` lights with a density of their own; faces of `size` x `size` pixels.
+    fn emission_densities(&self, size: usize, most: usize) -> Vec<DensityMap> {
+        let _ = (size, most);
+        Vec::new()
+    }
 
     /// Starts from the irradiance cache in a file instead of an empty one; to be called before anything is prepared.
     ///

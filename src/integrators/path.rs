@@ -103,7 +103,13 @@ impl<'a> Path<'a> {
     }
 
     fn features(&self, at: &SurfacePoint, bsdf: &Bsdf, wo: Vec3, origin: Vec3) -> Features {
-        Features { albedo: bsdf.albedo(wo), normal: at.n_shade, depth: (at.p - origin).length(), shape: at.shape + 1 }
+        Features {
+            albedo: bsdf.albedo(wo),
+            normal: at.n_shade,
+            depth: (at.p - origin).length(),
+            shape: at.shape + 1,
+            ..Features::default()
+        }
     }
 }
 

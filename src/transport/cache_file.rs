@@ -46,7 +46,7 @@ pub enum CacheFileError {
     Damaged,
     /// Nothing would look into it.
     #[error(
-        "this render uses no irradiance cache (it takes --integrator photon, --indirect cache and more than direct light)"
+        "this render uses no irradiance cache (it takes --integrator photon, --indirect cache or residual, and more than direct light)"
     )]
     NotUsed,
 }

@@ -147,6 +147,17 @@ impl<'a> IrradianceCache<'a> {
         (weights > 0.0).then(|| sum / weights)
     }
 
+    /// Shows the records that a look-up at the point uses, with their distances d.
+    pub(super) fn visit(&self, p: Vec3, n_shade: Vec3, n_geo: Vec3, mut visitor: impl FnMut(&Record, f32)) {
+        self.tree.containing(p, |id| {
+            let record = &self.records[id as usize];
+            if let Some(d) = record.distance(p, n_shade, n_geo) {
+                visitor(record, d);
+            }
+            true
+        });
+    }
+
     /// Whether the cache is good for the place as it is.
     pub fn covers(&self, at: &Facet) -> bool {
         let mut covered = false;

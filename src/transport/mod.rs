@@ -12,13 +12,14 @@
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
 //!   irradiance) and [`surfel_direct`] (the direct part of it), [`gather_sky`] (light of a soft sky), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits),
 //!   [`cache_record`] (radii and weights), [`riser`] (what stands between), [`sphere_octree`] (look-up), [`cache_placement`] (places for it all over a scene),
-//!   [`cache_file`], [`fingerprint`] (what a file belongs to)
+//!   [`cache_file`], [`fingerprint`] (what a file belongs to), [`cache_inspect`] (what a look-up rests on)
 //! * [`vpl`]: virtual point lights from photons; [`vpl_tree`]: groups of them; [`visibility`]: what a few points see of them;
 //!   [`strategies`]: sums over them
 
 pub mod antialias;
 pub mod border;
 pub mod cache_file;
+pub mod cache_inspect;
 pub mod cache_placement;
 pub mod cache_record;
 mod cache_settings;

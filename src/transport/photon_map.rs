@@ -111,7 +111,8 @@ pub fn shrinkage(pass: u64) -> f32 {
 }
 
 impl PhotonSettings {
-    fn walk(&self, goal: Goal) -> WalkSettings {
+    /// The walk of photons for a map.
+    pub fn walk(&self, goal: Goal) -> WalkSettings {
         let most_segments = self.max_depth.map(|d| d.saturating_sub(1));
         WalkSettings { seed: self.seed, most_segments, rr_depth: self.rr_depth, goal }
     }

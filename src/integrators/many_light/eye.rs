@@ -170,8 +170,13 @@ impl Eye<'_> {
         }
         let bsdf = self.world.bsdf(&at, wo);
         if b.depth == 0 && sample.features.shape == 0 {
-            sample.features =
-                Features { albedo: bsdf.albedo(wo), normal: at.n_shade, depth: hit.t, shape: at.shape + 1 };
+            sample.features = Features {
+                albedo: bsdf.albedo(wo),
+                normal: at.n_shade,
+                depth: hit.t,
+                shape: at.shape + 1,
+                ..Features::default()
+            };
         }
         let last = self.settings.path.max_depth.is_some_and(|max| b.depth + 1 >= max);
         if last && !self.world.passes_light(at.shape) {

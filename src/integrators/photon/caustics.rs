@@ -1,9 +1,11 @@
 //! Caustic photons of each pass: where they start, how many there are.
 
 use super::settings::{Emission, PhotonSettings};
-use crate::emission::{self, EdgeAdaptive, EmissionDensity, Sequence, Uniform};
+use crate::emission::{self, DensityMap, EdgeAdaptive, EmissionDensity, Sequence, Uniform};
 use crate::scene::material::has_sharp_lobe;
+use crate::transport::photon::Photon;
 use crate::transport::photon_map::PhotonSettings as MapSettings;
+use crate::transport::photon_walk::{Goal, trace};
 use crate::transport::{CausticMap, NEARLY_SPECULAR_ALPHA, World};
 
 /// Photons of a pass, if nothing is said: as many as pixels, within these bounds.
@@ -40,6 +42,17 @@ impl<'a> Caustics<'a> {
     /// Photons emitted in each pass.
     pub fn emitted(&self) -> u64 {
         self.density.count() as u64
+    }
+
+    /// The photons that the map of a pass is made of, and nothing else of it.
+    pub fn photons(&self, pass: u64) -> Vec<Photon> {
+        trace(self.world, self.density.as_ref(), &self.map.walk(Goal::Caustics), pass).photons
+    }
+
+    /// Pictures of the emission of the first `most` lights that have a density of their own.
+    pub fn densities(&self, size: usize, most: usize) -> Vec<DensityMap> {
+        let lights = 0..self.world.scene.lights.infos.len() as u32;
+        lights.filter_map(|light| self.density.density_map(light, size)).take(most).collect()
     }
 
     /// The photons of a pass.

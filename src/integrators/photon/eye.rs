@@ -22,7 +22,7 @@
 
 use super::settings::{Indirect, Parts, PhotonSettings};
 use crate::accel::Ray;
-use crate::image::film::Features;
+use crate::image::film::{Features, Makeup};
 use crate::integrators::Counts;
 use crate::math::{ResidualRoulette, Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::camera::CameraRay;
@@ -98,20 +98,44 @@ struct End<'s> {
     last: bool,
 }
 
+/// Kinds of light, as [`Parts`] tells them apart.
+#[derive(Clone, Copy)]
+enum Kind {
+    Direct,
+    Caustic,
+    Indirect,
+}
+
 /// A camera sample on its way.
 struct Sample<'r> {
     radiance: Rgb,
+    /// The same by [`Kind`].
+    kinds: [Rgb; 3],
     features: Features,
     waiting: ArrayVec<Branch, MOST_BRANCHES>,
     rng: &'r mut Sampler,
     counts: &'r mut Counts,
 }
 
+impl Sample<'_> {
+    /// Adds light of a kind, as it is after the path has left a diffuse part (`indirect`) or before.
+    fn add(&mut self, light: Rgb, kind: Kind, indirect: bool) {
+        self.radiance += light;
+        self.kinds[if indirect { Kind::Indirect } else { kind } as usize] += light;
+    }
+}
+
 impl Eye<'_> {
     /// Radiance along a camera ray, and the features of the first surface.
     pub fn sample(&self, camera: &CameraRay, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
-        let mut sample =
-            Sample { radiance: Rgb::ZERO, features: Features::default(), waiting: ArrayVec::new(), rng, counts };
+        let mut sample = Sample {
+            radiance: Rgb::ZERO,
+            kinds: [Rgb::ZERO; 3],
+            features: Features::default(),
+            waiting: ArrayVec::new(),
+            rng,
+            counts,
+        };
         sample.waiting.push(Branch {
             ray: Ray { o: camera.o, d: camera.d, tmin: camera.tmin, tmax: camera.tmax },
             throughput: Rgb::ONE,
@@ -125,7 +149,9 @@ impl Eye<'_> {
         while let Some(branch) = sample.waiting.pop() {
             self.follow(branch, &mut sample);
         }
-        (sample.radiance, sample.features)
+        let mut features = sample.features;
+        [features.makeup.direct, features.makeup.caustic, features.makeup.indirect] = sample.kinds;
+        (sample.radiance, features)
     }
 
     fn parts(&self) -> Parts {
@@ -141,7 +167,8 @@ impl Eye<'_> {
         let Some(hit) = self.world.accel.closest(&b.ray) else {
             if emitters_seen && shown {
                 let emitted = scene.lights.environment(scene.textures(), b.ray.d);
-                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Environment(b.ray.d));
+                let weight = self.weight(&b, Found::Environment(b.ray.d));
+                sample.add(b.throughput * emitted * weight, Kind::Direct, b.indirect);
             }
             return;
         };
@@ -159,13 +186,19 @@ impl Eye<'_> {
         if is_emitter && shown {
             let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
             if emitted != Rgb::ZERO {
-                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Lamp(&at));
+                let weight = self.weight(&b, Found::Lamp(&at));
+                sample.add(b.throughput * emitted * weight, Kind::Direct, b.indirect);
             }
         }
         let bsdf = self.world.bsdf(&at, wo);
         if b.depth == 0 && sample.features.shape == 0 {
-            sample.features =
-                Features { albedo: bsdf.albedo(wo), normal: at.n_shade, depth: hit.t, shape: at.shape + 1 };
+            sample.features = Features {
+                albedo: bsdf.albedo(wo),
+                normal: at.n_shade,
+                depth: hit.t,
+                shape: at.shape + 1,
+                ..sample.features
+            };
         }
         let last = self.settings.path.max_depth.is_some_and(|max| b.depth + 1 >= max);
         if last && !self.world.passes_light(at.shape) {
@@ -202,19 +235,20 @@ impl Eye<'_> {
         let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
         if (diffuse.is_some() || sampled.is_some()) && (if b.indirect { parts.indirect } else { parts.direct }) {
             let light = self.direct.radiance(at, diffuse, sampled, wo, stage(b), sample.rng, &mut sample.counts.direct);
-            sample.radiance += b.throughput * light;
+            sample.add(b.throughput * light, Kind::Direct, b.indirect);
         }
         let Some(diffuse) = diffuse else { return 0.0 };
         let most = self.settings.path.max_depth.map_or(u32::MAX, |max| max.saturating_sub(b.depth + 1));
         if let Some(map) = self.caustics.filter(|_| if b.indirect { parts.indirect } else { parts.caustic }) {
-            sample.radiance += b.throughput * map.radiance_within(at, diffuse, wo, most);
+            let light = map.radiance_within(at, diffuse, wo, most);
+            sample.add(b.throughput * light, Kind::Caustic, b.indirect);
         }
         if !parts.indirect {
             return 0.0;
         }
         if let Some(map) = self.global {
             let light = map.radiance(at, diffuse, wo, Filter::INDIRECT.within(most));
-            sample.radiance += b.throughput * light;
+            sample.add(b.throughput * light, Kind::Indirect, true);
             return 0.0;
         }
         if b.indirect && self.settings.indirect == Indirect::Residual {
@@ -225,16 +259,28 @@ impl Eye<'_> {
         sample.counts.cache_lookups += u64::from(self.cache.is_some());
         sample.counts.cache_misses += u64::from(self.cache.is_some() && cached.is_none());
         let Some(irradiance) = cached else { return 1.0 };
+        if self.settings.inspect {
+            self.inspect(&facet, &mut sample.features.makeup);
+        }
         let predicted = diffuse.albedo(wo) * irradiance * FRAC_1_PI;
         if self.settings.indirect != Indirect::Residual {
-            sample.radiance += b.throughput * predicted;
+            sample.add(b.throughput * predicted, Kind::Indirect, true);
             return 0.0;
         }
         let checked = sample.rng.next_2d().x < CHECK;
         // What the path brings comes later.
         let without_path = |q: f32| ResidualRoulette { pi: 1.0, q, u: CHECK }.estimate(true, checked, || 0.0);
-        sample.radiance += b.throughput * Rgb::from_array(predicted.to_array().map(without_path));
+        let light = Rgb::from_array(predicted.to_array().map(without_path));
+        sample.add(b.throughput * light, Kind::Indirect, true);
         if checked { CHECK } else { 0.0 }
+    }
+
+    /// Notes what the first look-up in the cache rests on.
+    fn inspect(&self, at: &Facet, makeup: &mut Makeup) {
+        let support = self.cache.filter(|_| makeup.cached == 0.0).and_then(|c| c.support(at.p, at.n_shade, at.n_geo));
+        if let Some(s) = support {
+            (makeup.cached, makeup.records, makeup.radius, makeup.error) = (1.0, s.records as f32, s.radius, s.error);
+        }
     }
 
     /// Sends rays on from the surface: from the rest, and from the diffuse part if its light is unknown, which had the probability `chosen`.
@@ -254,6 +300,7 @@ impl Eye<'_> {
             }
         }
         let u = Vec2::new(ux, uy);
+        sample.features.makeup.gathers += f32::from(u8::from(unknown.is_some()));
         if let Some(s) = unknown.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
             self.push(&b, end, &s, (shares[0], u_roulette), Came::Diffuse, sample);
         }

@@ -6,7 +6,9 @@
 use super::settings::PhotonSettings;
 use crate::emission::{EmissionDensity, Sequence, Uniform};
 use crate::transport::World;
+use crate::transport::photon::Photon;
 use crate::transport::photon_map::{Filter, GlobalMap, PhotonSettings as MapSettings};
+use crate::transport::photon_walk::{Goal, trace};
 
 /// Photons of a pass, if nothing is said.
 const AUTOMATIC: usize = 100_000;
@@ -32,6 +34,11 @@ impl<'a> Global<'a> {
     /// Photons that leave the lights in a pass.
     pub fn count(&self) -> u64 {
         self.density.count() as u64
+    }
+
+    /// The photons that the map of a pass is made of, and nothing else of it.
+    pub fn photons(&self, pass: u64) -> Vec<Photon> {
+        trace(self.world, &self.density, &self.map.walk(Goal::Classes(Filter::INDIRECT.classes)), pass).photons
     }
 
     /// The photons of a pass.

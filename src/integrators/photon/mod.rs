@@ -26,6 +26,7 @@ use self::caustics::Caustics;
 use self::eye::Eye;
 use self::global::Global;
 use super::{Counts, Integrator};
+use crate::emission::DensityMap;
 use crate::image::film::{Features, Film};
 use crate::math::sampler::hash;
 use crate::math::{Rgb, Sampler, Vec2, Vec3};
@@ -35,6 +36,7 @@ use crate::transport::cache_file::{CacheFileError, FromFile};
 use crate::transport::direct::{Direct, DirectSettings, LightSampling};
 use crate::transport::gather_ray::RayCounts;
 use crate::transport::gather_sky;
+use crate::transport::photon::Photon as StoredPhoton;
 use crate::transport::photon_map::GlobalMap;
 use crate::transport::{CacheSettings, CacheStatistics, CausticMap, HitLight, IrradianceCache, World};
 use std::path::Path;
@@ -368,6 +370,20 @@ impl Integrator for Photon<'_> {
             ]);
         }
         all
+    }
+
+    fn tells_makeup(&self) -> bool {
+        true
+    }
+
+    fn photons(&self) -> Vec<StoredPhoton> {
+        let caustic = self.caustics.as_ref().map(|c| c.photons(0)).unwrap_or_default();
+        let global = self.global.as_ref().map(|g| g.photons(0)).unwrap_or_default();
+        [caustic, global].concat()
+    }
+
+    fn emission_densities(&self, size: usize, most: usize) -> Vec<DensityMap> {
+        self.caustics.as_ref().map(|c| c.densities(size, most)).unwrap_or_default()
     }
 
     fn load_cache(&mut self, path: &Path) -> Result<(), CacheFileError> {

@@ -66,6 +66,8 @@ pub struct PhotonSettings {
     pub adaptive_sampling: bool,
     /// Which light is shown.
     pub parts: Parts,
+    /// Whether samples tell what their look-ups in the cache rest on.
+    pub inspect: bool,
     /// Seed of photons and caches.
     pub seed: u64,
 }
@@ -84,6 +86,7 @@ impl Default for PhotonSettings {
             adaptive_light_samples: true,
             adaptive_sampling: true,
             parts: Parts::default(),
+            inspect: false,
             seed: 0,
         }
     }
