@@ -236,24 +236,22 @@ fn measure(path: &Path, args: &ReproduceArgs) -> Result<Measured, Failure> {
         light_scenes.push(variant(&base, (place, intensity), 0.0, target)?);
     }
     let (mut light_seconds, mut relit, mut missing) = (0.0, Vec::new(), 0);
-    // The cache refers to the scenes it was lit by.
-    let mut lit = cache;
     for moved in &light_scenes {
         let world = World::new(moved, &accel);
         let start = ProcessTime::now();
-        lit.relight(world, &light);
+        cache.relight(world, &light);
         let seen = places(world, window, 1, None);
-        (relit, missing) = frame(&lit, &seen);
+        (relit, missing) = frame(&cache, &seen);
         light_seconds += start.elapsed().as_secs_f64();
     }
-    let after = rays(&lit);
+    let after = rays(&cache);
 
     let last = World::new(light_scenes.last().unwrap_or(&first), &accel);
     let start = ProcessTime::now();
     let seen = places(last, window, 1, None);
     let (anew, _) = frame(&prepared(last, &seen, pixel), &seen);
     let anew_seconds = start.elapsed().as_secs_f64();
-    let n = lit.gather_rays().strata.len();
+    let n = cache.gather_rays().strata.len();
     Ok(Measured {
         scene: path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
         triangles: original.triangle_count(),
