@@ -1,7 +1,7 @@
 //! Direct light of surfels, by light samples averaged over the cell.
 //!
 //! Estimates   D = mean over the samples of weight cos V at places spread over the cell, lights by [`World::sample_light`]
-//! Number      two estimates at each of the first surfels tell the variance of one sample; enough are taken for [`DIRECT_VARIANCE`], a record
+//! Number      two estimates at each of the first surfels tell the variance of one sample; enough are taken for `DIRECT_VARIANCE`, a record
 //!             averages hundreds of surfels. One number for all surfels, a function of the first ones
 //! Bias        none
 //! Verified by tests/irradiance_cache.rs (with the rest of the cache)
@@ -35,7 +35,7 @@ const WITHIN: u64 = 0x5d6;
 /// Places within a cell.
 type Spread = ArrayVec<Facet, { SPREAD as usize }>;
 
-/// Light samples per surfel that bring the variance of direct light to [`DIRECT_VARIANCE`] times its squared mean, by the
+/// Light samples per surfel that bring the variance of direct light to `DIRECT_VARIANCE` times its squared mean, by the
 /// difference of two estimates at each of the first ones.
 pub(super) fn samples_needed(world: &World, surfels: &Surfels, settings: SurfelSettings) -> u32 {
     let least = settings.light_samples.max(1);
