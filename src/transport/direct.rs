@@ -54,6 +54,8 @@ pub struct DirectSettings {
     pub samples: u32,
     /// Number of lights up to which each is treated; from more, that many are drawn. At most [`MOST_LIGHTS`].
     pub max_lights: u32,
+    /// `Adaptive`: whether the detector is asked at all. Where most verdicts are "partial" or "unknown" they cost more than they save.
+    pub verdicts: bool,
     /// `Adaptive`: verdicts are checked by roulette, so that wrong ones cost noise instead of bias.
     pub residual: bool,
     /// Whether the environment counts for diffuse parts; not if it is gathered (`gather_sky`).
@@ -66,6 +68,7 @@ impl Default for DirectSettings {
             sampling: LightSampling::Adaptive,
             samples: 16,
             max_lights: 8,
+            verdicts: true,
             residual: true,
             diffuse_environment: true,
         }
@@ -163,6 +166,11 @@ impl Direct<'_> {
     /// Takes `samples` of a light from now on where there are several.
     pub fn set_samples(&mut self, samples: u32) {
         self.settings.samples = samples;
+    }
+
+    /// Asks the detector no more.
+    pub fn give_up_verdicts(&mut self) {
+        self.settings.verdicts = false;
     }
 }
 

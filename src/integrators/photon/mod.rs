@@ -53,6 +53,8 @@ const PILOT_STREAM: u64 = 0x9107;
 /// Most light samples of a camera sample, on average, and the least of one light.
 const MOST_LIGHT_SAMPLES: f32 = 10.0;
 const LEAST_LIGHT_SAMPLES: u32 = 4;
+/// Share of verdicts that must save samples: a verdict costs about as much as four shadow rays, and saves up to sixteen.
+const LEAST_USEFUL: f32 = 0.25;
 /// Records that the first pass may add however few pixels there are.
 const LEAST_RECORDS: usize = 1000;
 
@@ -232,7 +234,7 @@ impl<'a> Photon<'a> {
     }
 
     /// Lowers the number of light samples where points that need several are the rule: then they would cost most of the time, and what
-    /// one pass lacks the next ones give.
+    /// one pass lacks the next ones give. Verdicts that are hardly ever of use are done without.
     fn ration_light_samples(&mut self) {
         let [x0, y0, width, height] = self.window.map(|v| v as f32);
         let eye = self.eye();
@@ -244,6 +246,11 @@ impl<'a> Photon<'a> {
             eye.sample(&ray, &mut rng, &mut counts);
         }
         let taken = counts.direct.light_samples as f32 / PILOT as f32;
+        let d = counts.direct;
+        let (of_use, of_none) = (d.visible + d.blocked, d.partial + d.unknown);
+        if (of_use as f32) < LEAST_USEFUL * (of_use + of_none) as f32 {
+            self.direct.give_up_verdicts();
+        }
         let usual = self.direct.samples();
         if taken > MOST_LIGHT_SAMPLES {
             let rationed = (usual as f32 * MOST_LIGHT_SAMPLES / taken).round() as u32;

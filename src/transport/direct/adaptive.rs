@@ -139,7 +139,7 @@ impl Direct<'_> {
         if lamp.estimate < DIM * total || lamp.view.solid_angle() < tiny {
             return sampled(1, counts);
         }
-        let known = self.verdict(point, lamp.emitter, counts);
+        let known = if self.settings.verdicts { self.verdict(point, lamp.emitter, counts) } else { Known::No };
         let predicted = match known {
             Known::No => {
                 *oversampled = true;
