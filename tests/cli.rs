@@ -1,32 +1,12 @@
 //! The program as a user meets it: files, exit codes, messages, limits.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+#[path = "common/cli.rs"]
+mod cli;
+
+use cli::{dualux, scene, scratch, stderr, stdout};
+use std::path::Path;
+use std::process::Command;
 use std::time::{Duration, Instant};
-
-fn scene(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
-    path.to_string_lossy().into_owned()
-}
-
-fn dualux(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dualux")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-/// A file in a fresh folder that goes away with the guard.
-fn scratch(name: &str) -> (tempfile::TempDir, PathBuf) {
-    let dir = tempfile::tempdir().expect("scratch folder");
-    let path = dir.path().join(name);
-    (dir, path)
-}
 
 #[test]
 fn renders_png_and_exr_with_layers() {

@@ -1,16 +1,11 @@
 //! `dualux compare` as a user meets it: table, JSON, a page that needs nothing from elsewhere, messages.
 
+#[path = "common/cli.rs"]
+mod cli;
+
+use cli::{dualux_in, scene};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn scene(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).to_string_lossy().into_owned()
-}
-
-/// Runs the program in a folder of its own.
-fn dualux(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dualux")).args(args).current_dir(folder).output().expect("the program starts")
-}
+use std::process::Output;
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
@@ -21,7 +16,7 @@ fn compare(folder: &Path, args: &[&str]) -> Output {
     let scene = scene("cornell-box.xml");
     let mut words = vec!["compare", &scene, "--scale", "0.06", "-o", "r.html", "--json", "r.json"];
     words.extend(args);
-    dualux(folder, &words)
+    dualux_in(folder, &words)
 }
 
 fn json(folder: &Path) -> serde_json::Value {
@@ -117,7 +112,7 @@ fn equal_time_ends_on_time_and_references_can_be_files() {
             file,
             "-q",
         ];
-        assert!(dualux(dir.path(), &made).status.success());
+        assert!(dualux_in(dir.path(), &made).status.success());
     }
     let configs = ["--config", "one: --integrator path --seed 3", "--config", "two: --integrator path --seed 40"];
     let mut args = configs.to_vec();
@@ -183,7 +178,7 @@ fn mistakes_are_explained() {
     }
     let scene = scene("cornell-box.xml");
     for bad in [["-o", "x.png"], ["-o", "/no/such/folder/x.html"], ["--json", "/no/such/folder/x.json"]] {
-        let out = dualux(dir.path(), &["compare", &scene, "--config", "a:", bad[0], bad[1]]);
+        let out = dualux_in(dir.path(), &["compare", &scene, "--config", "a:", bad[0], bad[1]]);
         assert_eq!(out.status.code(), Some(1), "{bad:?}: {}", text(&out.stderr));
     }
     let left: Vec<PathBuf> = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().path()).collect();

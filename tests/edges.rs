@@ -1,26 +1,10 @@
 //! The subcommand `edges` and the layer `edges` of a render, as a user meets them.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+#[path = "common/cli.rs"]
+mod cli;
 
-fn scene(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).to_string_lossy().into_owned()
-}
-
-fn dualux(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dualux")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-/// A file in a folder of its own.
-fn scratch(name: &str) -> (tempfile::TempDir, PathBuf) {
-    let dir = tempfile::tempdir().expect("a folder");
-    let path = dir.path().join(name);
-    (dir, path)
-}
+use cli::{dualux, scene, scratch, stderr};
+use std::path::Path;
 
 /// Names and values of an EXR file's channels.
 type Channels = Vec<(String, Vec<f32>)>;

@@ -5,32 +5,22 @@
 
 mod common;
 
+use clap::ValueEnum;
 use common::*;
 use dualux::accel::Accel;
 use dualux::integrators::many_light::{ManyLight, ManyLightSettings};
 use dualux::integrators::path::PathSettings;
 use dualux::integrators::photon::Parts;
-use dualux::math::{DMat4, DVec3, Rgb};
+use dualux::math::{DMat4, DVec3};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
-use dualux::scene::material::{Distribution, Roughness};
-use dualux::scene::{Color, Description, Material, Scalar, Scene};
+use dualux::scene::{Description, Material, Scalar, Scene};
 use dualux::transport::World;
 use dualux::transport::strategies::coins::Coins;
 use dualux::transport::strategies::{Strategy, StrategySettings};
 use std::sync::atomic::AtomicBool;
 
 const LIMIT: f64 = 5.0;
-const ALL: [Strategy; 7] = [
-    Strategy::Exact,
-    Strategy::Veach,
-    Strategy::Nabata,
-    Strategy::Residual,
-    Strategy::Culling,
-    Strategy::Hierarchical,
-    Strategy::Joint,
-];
-
 fn settings(strategy: Strategy) -> ManyLightSettings {
     let strategy = StrategySettings { strategy, ..StrategySettings::default() };
     ManyLightSettings { strategy, vpls: Some(300), cache_points: 40, ..ManyLightSettings::default() }
@@ -75,14 +65,6 @@ fn plain() -> Description {
     room(&|_| ())
 }
 
-fn grey(v: f32) -> Color {
-    Color::Constant(Rgb::splat(v))
-}
-
-fn rough(alpha: f32) -> Roughness {
-    Roughness { distribution: Distribution::Ggx, alpha_u: Scalar::Constant(alpha), alpha_v: Scalar::Constant(alpha) }
-}
-
 fn with(m: Material) -> impl Fn() -> Description {
     move || {
         room(&|scene| {
@@ -96,7 +78,7 @@ fn with(m: Material) -> impl Fn() -> Description {
 #[test]
 fn every_strategy_agrees_with_path() {
     let (b, b_error) = path_mean(4, 192, &plain, PathSettings::default());
-    for strategy in ALL {
+    for &strategy in Strategy::value_variants() {
         for coins in [Coins::Systematic, Coins::Independent] {
             let mut settings = settings(strategy);
             settings.strategy.coins = coins;
@@ -235,7 +217,7 @@ fn depth_limits_end_paths() {
 
 #[test]
 fn the_same_bits_for_any_number_of_threads() {
-    for strategy in ALL {
+    for &strategy in Strategy::value_variants() {
         let picture = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
             pool.install(|| render_many(plain(), settings(strategy), 3, 1).film.picture(1))

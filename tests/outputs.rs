@@ -1,27 +1,9 @@
 //! What a render leaves beside its picture, and what it starts from: layers, caches, photons, files of older programs.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+#[path = "common/cli.rs"]
+mod cli;
 
-fn scene(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
-    path.to_string_lossy().into_owned()
-}
-
-fn dualux(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dualux")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-/// A file in a fresh folder that goes away with the guard.
-fn scratch(name: &str) -> (tempfile::TempDir, PathBuf) {
-    let dir = tempfile::tempdir().expect("scratch folder");
-    let path = dir.path().join(name);
-    (dir, path)
-}
+use cli::{dualux, scene, scratch, stderr};
 
 #[test]
 fn a_saved_cache_serves_another_picture_and_wrong_files_are_refused() {

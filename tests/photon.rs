@@ -13,8 +13,7 @@ use dualux::integrators::photon::{Antialiasing, Indirect, Parts, Photon, PhotonS
 use dualux::math::{DMat4, DVec3, Rgb};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
-use dualux::scene::material::{Distribution, Roughness};
-use dualux::scene::{Color, Material, Scalar, Scene};
+use dualux::scene::{Material, Scene};
 use dualux::transport::light_tree::LightTree;
 use dualux::transport::{CacheSettings, HitLight, IrradianceCache, World};
 use std::sync::atomic::AtomicBool;
@@ -62,14 +61,6 @@ fn room(things: &dyn Fn(&mut Description)) -> Description {
 
 fn sphere(x: f64, y: f64, z: f64, radius: f64) -> GeometryDesc {
     GeometryDesc::Sphere { center: DVec3::new(x, y, z), radius }
-}
-
-fn grey(v: f32) -> Color {
-    Color::Constant(Rgb::splat(v))
-}
-
-fn rough(alpha: f32) -> Roughness {
-    Roughness { distribution: Distribution::Ggx, alpha_u: Scalar::Constant(alpha), alpha_v: Scalar::Constant(alpha) }
 }
 
 /// A sphere of some material in the room.

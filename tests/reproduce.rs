@@ -1,19 +1,9 @@
 //! `dualux reproduce` as a user meets it: figures by name, and clear words where something cannot be run.
 
-use std::path::Path;
-use std::process::{Command, Output};
+#[path = "common/cli.rs"]
+mod cli;
 
-fn scene(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).to_string_lossy().into_owned()
-}
-
-fn dualux(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dualux")).args(args).current_dir(folder).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
+use cli::{dualux_in, scene, stderr};
 
 #[test]
 fn figures_of_namae_makino_are_there_or_their_absence_is_explained() {
@@ -21,7 +11,7 @@ fn figures_of_namae_makino_are_there_or_their_absence_is_explained() {
     let (spheres, ring) = (scene("cornell-spheres.xml"), scene("caustic-ring.xml"));
     let mut args = vec!["reproduce", "namae-makino", &spheres, "--caustic-scene", &ring, "--scale", "0.04", "-q"];
     args.extend(["--budget", "60ms", "--seeds", "2", "--json", "r.json", "-o", "."]);
-    let out = dualux(dir.path(), &args);
+    let out = dualux_in(dir.path(), &args);
     let said = stderr(&out);
     assert!(!said.contains("panicked"), "{said}");
     if !out.status.success() {
@@ -60,7 +50,7 @@ fn figures_of_nabata_are_there_and_missing_scenes_are_told() {
     std::fs::create_dir(dir.path().join("scenes")).expect("a folder");
     std::fs::copy(scene("cornell-box.xml"), dir.path().join("scenes/cornell-box.xml")).expect("a copy");
     let args = ["reproduce", "nabata", "--scale", "0.1", "--seeds", "2", "--budget", "100ms", "-q", "--json", "r.json"];
-    let out = dualux(dir.path(), &args);
+    let out = dualux_in(dir.path(), &args);
     assert!(out.status.success(), "{}", stderr(&out));
     assert!(stderr(&out).contains("hairball-lite cannot be run"), "{}", stderr(&out));
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("r.json")).unwrap()).unwrap();
@@ -78,7 +68,7 @@ fn a_moved_light_of_yue_takes_no_gather_ray_and_a_moved_camera_few_records() {
     let dir = tempfile::tempdir().expect("scratch folder");
     let spheres = scene("cornell-spheres.xml");
     let out =
-        dualux(dir.path(), &["reproduce", "yue", &spheres, "--scale", "0.1", "-q", "--json", "r.json", "-o", "."]);
+        dualux_in(dir.path(), &["reproduce", "yue", &spheres, "--scale", "0.1", "-q", "--json", "r.json", "-o", "."]);
     assert!(out.status.success(), "{}", stderr(&out));
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("r.json")).unwrap()).unwrap();
     assert_eq!(json["moved_light_gather_rays"], 0.0);
@@ -113,7 +103,7 @@ fn mistakes_are_explained() {
         (&["reproduce", "namae-makino", &spheres, "--json", "no-folder/x.json"], 1, "no-folder"),
     ];
     for (args, code, part) in cases {
-        let out = dualux(dir.path(), args);
+        let out = dualux_in(dir.path(), args);
         assert_eq!(out.status.code(), Some(code), "{args:?}: {}", stderr(&out));
         assert!(stderr(&out).contains(part), "{args:?}: {}", stderr(&out));
     }

@@ -1,5 +1,6 @@
 //! Light transport algorithms: each turns a camera ray into radiance.
 
+mod branching;
 pub mod many_light;
 pub mod path;
 pub mod photon;

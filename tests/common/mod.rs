@@ -8,7 +8,8 @@ use dualux::integrators::path::{Path, PathSettings};
 use dualux::math::{DMat4, DVec3, Rgb};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
-use dualux::scene::{Color, Description, Material, Scene};
+use dualux::scene::material::{Distribution, Roughness};
+use dualux::scene::{Color, Description, Material, Scalar, Scene};
 use dualux::transport::World;
 use std::sync::atomic::AtomicBool;
 
@@ -30,6 +31,16 @@ pub fn material(scene: &mut Description, material: Material) -> MaterialId {
 /// Adds a diffuse material.
 pub fn diffuse(scene: &mut Description, albedo: f32) -> MaterialId {
     material(scene, Material::Diffuse { reflectance: Color::Constant(Rgb::splat(albedo)) })
+}
+
+/// A colour without hue.
+pub fn grey(v: f32) -> Color {
+    Color::Constant(Rgb::splat(v))
+}
+
+/// Isotropic GGX.
+pub fn rough(alpha: f32) -> Roughness {
+    Roughness { distribution: Distribution::Ggx, alpha_u: Scalar::Constant(alpha), alpha_v: Scalar::Constant(alpha) }
 }
 
 /// Adds a shape.

@@ -20,23 +20,15 @@ use super::ManyLightSettings;
 use crate::accel::Ray;
 use crate::image::film::Features;
 use crate::integrators::Counts;
-use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
+use crate::integrators::branching::{MOST_BRANCHES, directions, is_crowded, one_part, stage, survival};
+use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
-use crate::transport::direct::{Direct, Found, Stage, Vantage};
+use crate::transport::direct::{Direct, Found, Vantage};
 use crate::transport::strategies::{ManyLights, Receiver, Tally};
 use crate::transport::vpl::left_out;
-use crate::transport::{CausticMap, MAX_PASSED_SURFACES, NEARLY_SPECULAR_ALPHA, World};
+use crate::transport::{CausticMap, MAX_PASSED_SURFACES, World, nearly_specular};
 use arrayvec::ArrayVec;
-
-/// Most rays of one camera sample that wait at a time; where there is no room, one direction is chosen by chance.
-const MOST_BRANCHES: usize = 8;
-/// Scatterings up to which direct light is looked at closely.
-const FIRST_DEPTH: u32 = 4;
-/// Rays of less importance (throughput x eta^2) than this live on by roulette, whatever their depth.
-const DIM: f32 = 0.05;
-/// Upper bound of the survival probability in Russian roulette: without it a path between white walls need not end.
-const MAX_SURVIVAL: f32 = 0.95;
 
 /// All that an eye path asks.
 pub struct Eye<'a> {
@@ -87,13 +79,14 @@ struct Branch {
 struct End<'s> {
     at: &'s SurfacePoint,
     wo: Vec3,
-    vantage: Vantage,
+    /// The diffuse part of the material there, where it counts.
+    diffuse: Option<&'s Bsdf>,
+    /// The other part.
+    rest: Option<&'s Bsdf>,
     /// Length of the ray.
     t: f32,
     /// Whether the path may not get longer.
     last: bool,
-    /// Random numbers for what goes on: two of the direction, the lobe, roulette.
-    u: [f32; 4],
 }
 
 /// A camera sample on its way.
@@ -156,7 +149,7 @@ impl Eye<'_> {
         let is_emitter = scene.shapes[at.shape as usize].emission.is_some();
         if is_emitter && !emitters_seen {
             b.passed += 1;
-            b.ray = Ray { o: at.spawn_origin(b.ray.d), tmin: f32::MIN_POSITIVE, tmax: b.ray.tmax - hit.t, ..b.ray };
+            b.ray = Ray { tmax: b.ray.tmax - hit.t, ..Ray::leaving(&at, b.ray.d) };
             if b.passed <= MAX_PASSED_SURFACES {
                 sample.waiting.push(b);
             }
@@ -185,12 +178,11 @@ impl Eye<'_> {
         b.travelled += hit.t;
         let (diffuse, rest) = bsdf.split();
         let diffuse = diffuse.filter(|_| self.counts_diffuse(&b, sample));
-        let vantage = Vantage::new(&at, diffuse.as_ref(), rest.as_ref(), stage(&b));
+        let end = End { at: &at, wo, diffuse: diffuse.as_ref(), rest: rest.as_ref(), t: hit.t, last };
         if !last {
-            self.reflected(&b, &at, wo, diffuse.as_ref(), rest.as_ref(), sample);
+            self.reflected(&b, &end, sample);
         }
-        let end = End { at: &at, wo, vantage, t: hit.t, last, u: sample.rng.next_4d() };
-        self.go_on(b, &end, diffuse.as_ref(), rest.as_ref(), sample);
+        self.go_on(b, &end, sample);
     }
 
     /// Weight of an emitter that a ray meets.
@@ -217,23 +209,24 @@ impl Eye<'_> {
     fn is_covered(&self, came: &Came, rest: &Bsdf) -> bool {
         matches!(came, Came::Diffuse { .. } | Came::Covered)
             && self.caustics.is_some()
-            && rest.min_alpha() < NEARLY_SPECULAR_ALPHA
+            && nearly_specular(rest, LobeKind::Glossy)
     }
 
     /// Adds what the surface reflects of light known there.
-    fn reflected(
-        &self,
-        b: &Branch,
-        at: &SurfacePoint,
-        wo: Vec3,
-        diffuse: Option<&Bsdf>,
-        rest: Option<&Bsdf>,
-        sample: &mut Sample,
-    ) {
+    fn reflected(&self, b: &Branch, end: &End, sample: &mut Sample) {
+        let &End { at, wo, diffuse, rest, .. } = end;
         let parts = self.settings.parts;
         let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
         if (diffuse.is_some() || sampled.is_some()) && self.shows(b) {
-            let light = self.direct.radiance(at, diffuse, sampled, wo, stage(b), sample.rng, &mut sample.counts.direct);
+            let light = self.direct.radiance(
+                at,
+                diffuse,
+                sampled,
+                wo,
+                stage(b.blurred, b.depth),
+                sample.rng,
+                &mut sample.counts.direct,
+            );
             sample.radiance += b.throughput * light;
         }
         let Some(diffuse) = diffuse else { return };
@@ -248,44 +241,41 @@ impl Eye<'_> {
     }
 
     /// Sends rays on from the surface: from the diffuse part towards what virtual lights leave out, and from `rest`.
-    fn go_on(&self, b: Branch, end: &End, diffuse: Option<&Bsdf>, rest: Option<&Bsdf>, sample: &mut Sample) {
-        let [ux, uy, mut u_lobe, _] = end.u;
+    fn go_on(&self, b: Branch, end: &End, sample: &mut Sample) {
+        let [ux, uy, mut u_lobe, u_roulette] = sample.rng.next_4d();
         let wanted = self.settings.parts.indirect && (self.has_rest || self.radius2 > 0.0);
-        let crowded = b.blurred || MOST_BRANCHES - sample.waiting.len() < 4;
+        let crowded = is_crowded(b.blurred, sample.waiting.len());
         let mut shares = [1.0; 2];
-        let (mut diffuse, mut rest) = (diffuse.filter(|_| wanted), rest);
+        let (mut diffuse, mut rest) = (end.diffuse.filter(|_| wanted), end.rest);
         if let (Some(d), Some(r), true) = (diffuse, rest, crowded) {
             // No room for both: one by chance.
-            let [d_share, r_share] = [d, r].map(|part| luminance(part.albedo(end.wo)).max(1e-6));
-            let p = r_share / (d_share + r_share);
-            if u_lobe < p {
-                (diffuse, shares[1], u_lobe) = (None, p, u_lobe / p);
-            } else {
-                (rest, shares[0], u_lobe) = (None, 1.0 - p, (u_lobe - p) / (1.0 - p));
-            }
+            let (is_rest, p, u) = one_part(d, r, end.wo, u_lobe);
+            u_lobe = u;
+            if is_rest { (diffuse, shares[1]) = (None, p) } else { (rest, shares[0]) = (None, p) }
         }
         let u = Vec2::new(ux, uy);
         if let Some(s) = diffuse.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
-            self.push(&b, end, &s, shares[0], Came::Diffuse { short: !self.has_rest }, sample);
+            self.push(&b, end, &s, (shares[0], u_roulette), Came::Diffuse { short: !self.has_rest }, sample);
         }
         let Some(rest) = rest else { return };
-        let branches = if crowded { None } else { rest.branches(end.wo, Transport::Radiance) };
-        let by_chance = || rest.sample(end.wo, u_lobe, u, Transport::Radiance).into_iter().collect::<ArrayVec<_, 2>>();
-        for s in &branches.unwrap_or_else(by_chance) {
+        for s in &directions(rest, end.wo, (u_lobe, u), crowded) {
             let covered = matches!(b.came, Came::Diffuse { .. } | Came::Covered) && self.caustics.is_some();
             let came = match s.lobe {
                 LobeKind::Null => b.came,
                 LobeKind::Specular if covered => Came::Covered,
                 LobeKind::Specular => Came::Plain,
                 _ if self.is_covered(&b.came, rest) => Came::Covered,
-                _ => Came::Glossy { from: end.vantage, pdf_dir: s.pdf_dir },
+                _ => {
+                    let from = Vantage::new(end.at, end.diffuse, end.rest, stage(b.blurred, b.depth));
+                    Came::Glossy { from, pdf_dir: s.pdf_dir }
+                }
             };
-            self.push(&b, end, s, shares[1], came, sample);
+            self.push(&b, end, s, (shares[1], u_roulette), came, sample);
         }
     }
 
-    /// Lets the scattered ray wait, if it survives.
-    fn push(&self, b: &Branch, end: &End, s: &BsdfSample, share: f32, came: Came, sample: &mut Sample) {
+    /// Lets the scattered ray wait, if it survives: `share` is the probability of having chosen its part of the material, `u` decides.
+    fn push(&self, b: &Branch, end: &End, s: &BsdfSample, (share, u): (f32, f32), came: Came, sample: &mut Sample) {
         let straight = s.lobe == LobeKind::Null;
         if (end.last && !straight) || (straight && b.passed >= MAX_PASSED_SURFACES) {
             return;
@@ -294,11 +284,8 @@ impl Eye<'_> {
         let eta2 = b.eta2 * s.eta * s.eta;
         let throughput = b.throughput * s.weight / share;
         let importance = throughput.max_element() * eta2;
-        let mut survival = (importance / DIM).min(1.0);
-        if depth >= self.settings.path.rr_depth && !straight {
-            survival = survival.min(importance.min(MAX_SURVIVAL));
-        }
-        if end.u[3] >= survival {
+        let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight);
+        if u >= survival {
             return;
         }
         let reach = match came {
@@ -312,7 +299,7 @@ impl Eye<'_> {
         };
         // There is always room for one, and for more where more were sent.
         let _ = sample.waiting.try_push(Branch {
-            ray: Ray { o: end.at.spawn_origin(s.wi), d: s.wi, tmin: f32::MIN_POSITIVE, tmax: reach },
+            ray: Ray { tmax: reach, ..Ray::leaving(end.at, s.wi) },
             throughput: throughput / survival,
             eta2,
             depth,
@@ -323,9 +310,4 @@ impl Eye<'_> {
             blurred: b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy),
         });
     }
-}
-
-/// How much the end of a ray matters to its direct light.
-fn stage(b: &Branch) -> Stage {
-    if b.blurred || b.depth > FIRST_DEPTH { Stage::Later } else { Stage::First }
 }

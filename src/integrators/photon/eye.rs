@@ -17,29 +17,24 @@
 //! no records: predictions upon predictions would multiply their noise, by albedo^2 / u each. Errors of the cache become noise; kernels of
 //! caustic photons keep their bias.
 //!
-//! Branching: Dirac lobes at the first vertices send on both mirrored and refracted ray ([`MOST_BRANCHES`]).
+//! Branching: as [`branching`](crate::integrators::branching) says.
 //! Verified by tests/furnace.rs and tests/photon.rs: agreement with the path tracer, part by part.
 
 use super::settings::{Indirect, Parts, PhotonSettings};
 use crate::accel::Ray;
 use crate::image::film::{Features, Makeup};
 use crate::integrators::Counts;
-use crate::math::{ResidualRoulette, Rgb, Sampler, Vec2, Vec3, luminance};
+use crate::integrators::branching::{MOST_BRANCHES, directions, is_crowded, one_part, stage, survival};
+use crate::math::{ResidualRoulette, Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
-use crate::transport::direct::{Direct, Found, Stage, Vantage};
+use crate::transport::direct::{Direct, Found, Vantage};
 use crate::transport::photon_map::{Filter, GlobalMap};
 use crate::transport::surfels::Facet;
-use crate::transport::{CausticMap, IrradianceCache, MAX_PASSED_SURFACES, MAX_SURVIVAL, World, nearly_specular};
+use crate::transport::{CausticMap, IrradianceCache, MAX_PASSED_SURFACES, World, nearly_specular};
 use arrayvec::ArrayVec;
 use std::f32::consts::FRAC_1_PI;
 
-/// Most rays of one camera sample that wait at a time; where there is no room, one direction is chosen by chance.
-const MOST_BRANCHES: usize = 8;
-/// Scatterings up to which direct light is looked at closely.
-const FIRST_DEPTH: u32 = 4;
-/// Rays of less importance (throughput x eta^2) than this live on by roulette, whatever their depth.
-const DIM: f32 = 0.05;
 /// Probability that a prediction of the cache is checked by a path. The noise of the correction goes with 1 / u, the cost with u.
 const CHECK: f32 = 0.25;
 
@@ -234,7 +229,15 @@ impl Eye<'_> {
         let parts = self.parts();
         let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
         if (diffuse.is_some() || sampled.is_some()) && (if b.indirect { parts.indirect } else { parts.direct }) {
-            let light = self.direct.radiance(at, diffuse, sampled, wo, stage(b), sample.rng, &mut sample.counts.direct);
+            let light = self.direct.radiance(
+                at,
+                diffuse,
+                sampled,
+                wo,
+                stage(b.blurred, b.depth),
+                sample.rng,
+                &mut sample.counts.direct,
+            );
             sample.add(b.throughput * light, Kind::Direct, b.indirect);
         }
         let Some(diffuse) = diffuse else { return 0.0 };
@@ -286,18 +289,14 @@ impl Eye<'_> {
     /// Sends rays on from the surface: from the rest, and from the diffuse part if its light is unknown, which had the probability `chosen`.
     fn go_on(&self, b: Branch, end: &End, chosen: f32, sample: &mut Sample) {
         let [ux, uy, mut u_lobe, u_roulette] = sample.rng.next_4d();
-        let crowded = b.blurred || MOST_BRANCHES - sample.waiting.len() < 4;
+        let crowded = is_crowded(b.blurred, sample.waiting.len());
         let mut shares = [chosen, 1.0];
         let (mut unknown, mut rest) = (end.diffuse.filter(|_| chosen > 0.0), end.rest);
         if let (Some(d), Some(r), true) = (unknown, rest, crowded) {
             // No room for both: one by chance.
-            let [d_share, r_share] = [d, r].map(|part| luminance(part.albedo(end.wo)).max(1e-6));
-            let p = r_share / (d_share + r_share);
-            if u_lobe < p {
-                (unknown, shares[1], u_lobe) = (None, p, u_lobe / p);
-            } else {
-                (rest, shares[0], u_lobe) = (None, chosen * (1.0 - p), (u_lobe - p) / (1.0 - p));
-            }
+            let (is_rest, p, u) = one_part(d, r, end.wo, u_lobe);
+            u_lobe = u;
+            if is_rest { (unknown, shares[1]) = (None, p) } else { (rest, shares[0]) = (None, chosen * p) }
         }
         let u = Vec2::new(ux, uy);
         sample.features.makeup.gathers += f32::from(u8::from(unknown.is_some()));
@@ -305,9 +304,7 @@ impl Eye<'_> {
             self.push(&b, end, &s, (shares[0], u_roulette), Came::Diffuse, sample);
         }
         let Some(rest) = rest else { return };
-        let branches = if crowded { None } else { rest.branches(end.wo, Transport::Radiance) };
-        let by_chance = || rest.sample(end.wo, u_lobe, u, Transport::Radiance).into_iter().collect::<ArrayVec<_, 2>>();
-        for s in &branches.unwrap_or_else(by_chance) {
+        for s in &directions(rest, end.wo, (u_lobe, u), crowded) {
             let covered = matches!(b.came, Came::Diffuse | Came::Covered) && self.caustics.is_some();
             let came = match s.lobe {
                 LobeKind::Null => b.came,
@@ -315,7 +312,7 @@ impl Eye<'_> {
                 LobeKind::Specular => Came::Plain,
                 _ if self.is_covered(&b.came, rest) => Came::Covered,
                 _ => {
-                    let from = Vantage::new(end.at, end.diffuse, end.rest, stage(&b));
+                    let from = Vantage::new(end.at, end.diffuse, end.rest, stage(b.blurred, b.depth));
                     Came::Glossy { from, pdf_dir: s.pdf_dir }
                 }
             };
@@ -333,10 +330,7 @@ impl Eye<'_> {
         let eta2 = b.eta2 * s.eta * s.eta;
         let throughput = b.throughput * s.weight / share;
         let importance = throughput.max_element() * eta2;
-        let mut survival = (importance / DIM).min(1.0);
-        if depth >= self.settings.path.rr_depth && !straight {
-            survival = survival.min(importance.min(MAX_SURVIVAL));
-        }
+        let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight);
         if u >= survival {
             return;
         }
@@ -352,9 +346,4 @@ impl Eye<'_> {
             blurred: b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy),
         });
     }
-}
-
-/// How much the end of a ray matters to its direct light.
-fn stage(b: &Branch) -> Stage {
-    if b.blurred || b.depth > FIRST_DEPTH { Stage::Later } else { Stage::First }
 }

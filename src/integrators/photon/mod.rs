@@ -270,15 +270,14 @@ impl<'a> Photon<'a> {
         }
     }
 
-    /// Samples that pass `pass` takes, about.
-    fn samples_of(&self, pass: u64) -> f64 {
-        let early = pass < 2 && self.settings.antialiasing == Antialiasing::Adaptive;
-        let of_pixel = |&wanted: &f32| match pass {
-            0 if early => 1.0,
-            1 if early => f64::from(wanted - 1.0).max(0.0),
-            _ => f64::from(wanted),
-        };
-        self.samples.iter().map(of_pixel).sum()
+    /// Samples that a pixel which wants `wanted` gets in pass `pass`, on average: at first one everywhere, then what edges want beyond it. A
+    /// picture without gaps comes first.
+    fn share(&self, wanted: f32, pass: u64) -> f32 {
+        match (self.settings.antialiasing, pass) {
+            (Antialiasing::Adaptive, 0) => 1.0,
+            (Antialiasing::Adaptive, 1) => (wanted - 1.0).max(0.0),
+            _ => wanted,
+        }
     }
 }
 
@@ -290,10 +289,9 @@ impl Integrator for Photon<'_> {
     fn prepare(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
         let pixels = self.window[2] as usize * self.window[3] as usize;
         match (self.settings.antialiasing, pass) {
-            (Antialiasing::Off, 0) => self.samples = vec![1.0; pixels],
             (Antialiasing::Full, 0) => self.samples = vec![f32::from(AntialiasSettings::default().samples); pixels],
-            // The first pass takes one sample everywhere: what edges want is found out after it.
-            (Antialiasing::Adaptive, 0) => self.samples = vec![1.0; pixels],
+            // What edges want is found out after the first pass.
+            (Antialiasing::Off | Antialiasing::Adaptive, 0) => self.samples = vec![1.0; pixels],
             (Antialiasing::Adaptive, 1) if !over() => {
                 let samples = samples_per_pixel(self.world, self.window, AntialiasSettings::default());
                 self.samples = samples.into_iter().map(f32::from).collect();
@@ -309,7 +307,7 @@ impl Integrator for Photon<'_> {
         if pass == 0 && adaptive && self.settings.adaptive_light_samples {
             self.ration_light_samples();
         }
-        self.samples_since += self.samples_of(pass);
+        self.samples_since += self.samples.iter().map(|&wanted| f64::from(self.share(wanted, pass))).sum::<f64>();
     }
 
     fn prepared(&self) -> Counts {
@@ -324,13 +322,7 @@ impl Integrator for Photon<'_> {
         let [x0, y0, width, _] = self.window;
         let i = (y - y0) as usize * width as usize + (x - x0) as usize;
         let wanted = self.samples.get(i).copied().unwrap_or(1.0);
-        let early = pass < 2 && self.settings.antialiasing == Antialiasing::Adaptive;
-        match pass {
-            // One sample everywhere, then what edges want beyond it: a picture without gaps comes first.
-            0 if early => 1,
-            1 if early => (wanted - 1.0).max(0.0) as u32,
-            _ => allocate::rounded(wanted, i as u64, pass, self.settings.seed),
-        }
+        allocate::rounded(self.share(wanted, pass), i as u64, pass, self.settings.seed)
     }
 
     fn learns(&self) -> bool {

@@ -44,6 +44,7 @@ use coins::Coins;
 /// What it costs to look at a light (tentative contribution, bits of the cache), in shadow rays: 30 to 40 ns, where a ray takes from 0.2 us (in a
 /// plain box) to some us (in hair).
 pub const LOOK: f32 = 0.1;
+
 /// Strategies by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]

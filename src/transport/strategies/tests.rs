@@ -4,6 +4,7 @@
 
 use super::coins::Coin;
 use super::*;
+use crate::math::sampler::unit_f32;
 use crate::math::{DVec3, Vec3};
 use crate::scene::description::GeometryDesc;
 use crate::scene::{Bsdf, SurfacePoint};
@@ -11,18 +12,9 @@ use crate::transport::surfels::Facet;
 use crate::transport::tests::{Room, add, diffuse, empty, square};
 use crate::transport::visibility::ShadingClusters;
 use crate::transport::vpl::Vpl;
+use clap::ValueEnum;
 use std::cell::RefCell;
 use std::rc::Rc;
-
-const ALL: [Strategy; 7] = [
-    Strategy::Exact,
-    Strategy::Veach,
-    Strategy::Nabata,
-    Strategy::Residual,
-    Strategy::Culling,
-    Strategy::Hierarchical,
-    Strategy::Joint,
-];
 
 /// A floor, and a plate above it that hides a part of the lights.
 fn room() -> Room {
@@ -36,8 +28,6 @@ fn room() -> Room {
 fn random(i: u64, k: u64) -> f32 {
     unit_f32(hash(i, k))
 }
-
-use crate::math::sampler::unit_f32;
 
 /// Lights above the floor that face it more or less; some below it or turned away.
 fn lights(n: u64, seed: u64) -> Vpls {
@@ -349,7 +339,7 @@ fn sampled(setting: &Setting, many: &ManyLights, runs: u64, coins: Coins) -> [f6
 fn hierarchical_and_all_others_have_the_mean_of_the_sum_by_test() {
     let setting = Setting::new(300, 2);
     let truth = f64::from(mean(setting.truth()));
-    for strategy in ALL.into_iter().filter(|s| !matches!(s, Strategy::Exact | Strategy::Culling)) {
+    for &strategy in Strategy::value_variants().iter().filter(|s| !matches!(s, Strategy::Exact | Strategy::Culling)) {
         for coins in [Coins::Independent, Coins::Systematic] {
             let [m, error, _] = sampled(&setting, &setting.many(strategy, 1e-5), 20_000, coins);
             assert!(error < 0.01 * truth, "{strategy:?}: the test has no power: {error} of {truth}");

@@ -10,25 +10,28 @@ fn walk(room: &Room, density: &dyn EmissionDensity, goal: Goal, most_segments: O
 
 const ALL: Goal = Goal::Classes([true; 3]);
 
-/// A room with all kinds of surfaces, open on one side.
-fn workshop() -> Room {
-    let mut s = empty();
-    let white = diffuse(&mut s, 0.7);
-    let m = [mirror(), glass(1.5)].map(|m| add_material(&mut s, m));
-    let c = |x: f32| Color::Constant(Rgb::splat(x));
-    let coat = |alpha: f32| Material::RoughPlastic {
+/// Rough plastic over a diffuse base.
+fn coat(base: Rgb, alpha: f32) -> Material {
+    Material::RoughPlastic {
         eta: 1.5,
-        diffuse_reflectance: Color::Constant(Rgb::new(0.5, 0.3, 0.1)),
-        specular_reflectance: c(1.0),
+        diffuse_reflectance: Color::Constant(base),
+        specular_reflectance: Color::Constant(Rgb::ONE),
         nonlinear: false,
         roughness: crate::scene::material::Roughness {
             distribution: crate::scene::material::Distribution::Ggx,
             alpha_u: crate::scene::Scalar::Constant(alpha),
             alpha_v: crate::scene::Scalar::Constant(alpha),
         },
-    };
-    let sharp = add_material(&mut s, coat(0.01));
-    let dull = add_material(&mut s, coat(0.3));
+    }
+}
+
+/// A room with all kinds of surfaces, open on one side.
+fn workshop() -> Room {
+    let mut s = empty();
+    let white = diffuse(&mut s, 0.7);
+    let m = [mirror(), glass(1.5)].map(|m| add_material(&mut s, m));
+    let sharp = add_material(&mut s, coat(Rgb::new(0.5, 0.3, 0.1), 0.01));
+    let dull = add_material(&mut s, coat(Rgb::new(0.5, 0.3, 0.1), 0.3));
     let mask = Material::Mask { opacity: crate::scene::Scalar::Constant(0.5), nested: white };
     let mask = add_material(&mut s, mask);
     let walls = [
@@ -170,18 +173,8 @@ fn a_coat_of_little_roughness_throws_the_caustic_of_a_smooth_one() {
     let c = |x: f32| Color::Constant(Rgb::splat(x));
     let smooth =
         Material::Plastic { eta: 1.5, diffuse_reflectance: c(0.4), specular_reflectance: c(1.0), nonlinear: false };
-    let rough = |alpha: f32| Material::RoughPlastic {
-        eta: 1.5,
-        diffuse_reflectance: c(0.4),
-        specular_reflectance: c(1.0),
-        nonlinear: false,
-        roughness: crate::scene::material::Roughness {
-            distribution: crate::scene::material::Distribution::Ggx,
-            alpha_u: crate::scene::Scalar::Constant(alpha),
-            alpha_v: crate::scene::Scalar::Constant(alpha),
-        },
-    };
-    let (smooth, sharp, dull) = (ceiling(smooth), ceiling(rough(0.01)), ceiling(rough(0.09)));
+    let (smooth, sharp, dull) =
+        (ceiling(smooth), ceiling(coat(Rgb::splat(0.4), 0.01)), ceiling(coat(Rgb::splat(0.4), 0.09)));
     assert!((sharp.0 / smooth.0 - 1.0).abs() < 0.05, "{} {}", sharp.0, smooth.0);
     assert!((sharp.1 - smooth.1).length() < 0.1);
     // Roughness inflates footprints.

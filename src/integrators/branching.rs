@@ -1,0 +1,49 @@
+//! How eye paths branch and end: what the integrators `photon` and `many-light` have in common.
+//!
+//! Dirac lobes at the first vertices send on both mirrored and refracted ray, and diffuse parts beside the rest, as long as there is room;
+//! else one direction is chosen by chance. Paths end by roulette on their importance (throughput x eta^2).
+
+use crate::math::{Vec2, Vec3, luminance};
+use crate::scene::{Bsdf, BsdfSample, Transport};
+use crate::transport::MAX_SURVIVAL;
+use crate::transport::direct::Stage;
+use arrayvec::ArrayVec;
+
+/// Most rays of one camera sample that wait at a time; where there is no room, one direction is chosen by chance.
+pub const MOST_BRANCHES: usize = 8;
+/// Rays that a surface may send on at once, with one to spare.
+const ROOM: usize = 4;
+/// Scatterings up to which direct light is looked at closely.
+const FIRST_DEPTH: u32 = 4;
+/// Rays of less importance than this live on by roulette, whatever their depth.
+const DIM: f32 = 0.05;
+
+/// Whether a path goes on in one direction only: `blurred` if a lobe that is no Dirac lobe has scattered it, `waiting` rays there are.
+pub fn is_crowded(blurred: bool, waiting: usize) -> bool {
+    blurred || MOST_BRANCHES - waiting < ROOM
+}
+
+/// How much the end of a ray matters to its direct light, after `depth` scatterings.
+pub fn stage(blurred: bool, depth: u32) -> Stage {
+    if blurred || depth > FIRST_DEPTH { Stage::Later } else { Stage::First }
+}
+
+/// One part of a material by the number `u` in [0, 1), in proportion to albedo: whether it is the rest, with what probability, and what `u`
+/// still has to say, in [0, 1) again.
+pub fn one_part(diffuse: &Bsdf, rest: &Bsdf, wo: Vec3, u: f32) -> (bool, f32, f32) {
+    let [d_share, r_share] = [diffuse, rest].map(|part| luminance(part.albedo(wo)).max(1e-6));
+    let p = r_share / (d_share + r_share);
+    if u < p { (true, p, u / p) } else { (false, 1.0 - p, (u - p) / (1.0 - p)) }
+}
+
+/// Directions in which `rest` sends a path on: all of its branches, or one by chance.
+pub fn directions(rest: &Bsdf, wo: Vec3, (u_lobe, u): (f32, Vec2), crowded: bool) -> ArrayVec<BsdfSample, 2> {
+    let branches = if crowded { None } else { rest.branches(wo, Transport::Radiance) };
+    branches.unwrap_or_else(|| rest.sample(wo, u_lobe, u, Transport::Radiance).into_iter().collect())
+}
+
+/// Probability with which a ray of this importance is traced; `roulette` from the depth on at which every path may end.
+pub fn survival(importance: f32, roulette: bool) -> f32 {
+    let survival = (importance / DIM).min(1.0);
+    if roulette { survival.min(importance.min(MAX_SURVIVAL)) } else { survival }
+}
