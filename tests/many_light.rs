@@ -91,6 +91,25 @@ fn every_strategy_agrees_with_path() {
 }
 
 #[test]
+fn interleaved_lights_have_the_same_mean() {
+    let (b, b_error) = path_mean(4, 192, &plain, PathSettings::default());
+    for strategy in [Strategy::Joint, Strategy::Culling] {
+        let interleaved = ManyLightSettings { interleave: 3, vpls: Some(900), ..settings(strategy) };
+        let (a, a_error) = many_mean(8, 8, &plain, interleaved);
+        let error = a_error.hypot(b_error);
+        assert!(error < 0.02 * b, "{strategy:?}: the test has no power, error {error} of {b}");
+        assert!((a - b).abs() < LIMIT * error, "{strategy:?}: {a} +- {a_error}, path {b} +- {b_error}");
+        // Each pixel looks at about a ninth of the lights that it would see otherwise.
+        let lights = |s| {
+            let counts = render_many(plain(), s, 1, 1).counts.many_light;
+            counts.lights as f64 / counts.points as f64
+        };
+        let share = lights(interleaved) / lights(ManyLightSettings { interleave: 1, ..interleaved });
+        assert!((0.08..0.15).contains(&share), "{share}");
+    }
+}
+
+#[test]
 fn light_left_out_by_discs_is_missed_without_compensation() {
     let (b, b_error) = path_mean(4, 192, &plain, PathSettings::default());
     let means: Vec<(f64, f64)> = [(true, 8.0), (false, 8.0), (false, 1.0)]

@@ -174,6 +174,59 @@ fn layers_say_what_the_picture_is_made_of_and_do_not_change_it() {
 }
 
 #[test]
+fn the_many_light_integrator_shows_its_roulette() {
+    let (dir, exr) = scratch("many.exr");
+    let file = |name: &str| dir.path().join(name).to_str().unwrap().to_string();
+    let (cornell, exr, stats) = (scene("cornell-box.xml"), exr.to_str().unwrap(), file("s.json"));
+    let render = |more: &[&str]| {
+        let args = ["render", &cornell, "-o", exr, "--scale", "0.1", "--passes", "2", "-q", "--stats-json", &stats];
+        dualux(&[&args[..], &["--integrator", "many-light"], more].concat())
+    };
+    let (points, cache) = (file("p.ply"), file("c.ply"));
+    let layers = ["--aov", "roulette,watched,shadow-rays", "--watch-light", "17"];
+    let out = render(&[&layers[..], &["--points", &points, "--cache-ply", &cache, "--cache-points", "40"]].concat());
+    assert!(out.status.success(), "{}", stderr(&out));
+    let (v, n) = exr_values(exr);
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&stats).unwrap()).unwrap();
+    let count = |name: &str| json["counts"]["many_light"][name].as_f64().unwrap();
+    let pairs = || v["roulette.pairs"].iter().map(|x| f64::from(*x));
+    assert!((pairs().sum::<f64>() / count("pairs") - 1.0).abs() < 1e-6);
+    for (layer, counter) in [("roulette.certain", "certain"), ("roulette.floored", "floored")] {
+        let sum: f64 = pairs().zip(&v[layer]).map(|(p, share)| p * f64::from(*share)).sum();
+        assert!((sum / count(counter) - 1.0).abs() < 1e-3, "{layer}: {sum} {}", count(counter));
+    }
+    for name in ["watched.pi", "watched.q", "watched.u", "watched.lit"] {
+        assert!(v[name].iter().all(|x| (0.0..=1.0).contains(x)), "{name}");
+        let lit = (0..n).filter(|&i| v["watched.lit"][i] > 0.0 && v[name][i] > 0.0).count();
+        assert!(lit > n / 10, "{name}: {lit} of {n}");
+    }
+    for (path, vertex, least) in [(&points, 44, 500), (&cache, 32, 40)] {
+        let (bytes, end, vertices) = ply(path);
+        assert!(vertices >= least && bytes - end == vertices * vertex, "{path}: {vertices}");
+    }
+    for (flags, said) in [
+        (&["--aov", "watched"][..], "--watch-light"),
+        (&["--aov", "direct"], "--aov direct"),
+        (&["--cache-ply", &cache, "--strategy", "exact"], "--cache-ply"),
+        (&["--interleave", "0"], "--interleave"),
+    ] {
+        let out = render(flags);
+        assert!(!out.status.success() && stderr(&out).contains(said), "{flags:?}: {}", stderr(&out));
+    }
+    let out = render(&["--watch-light", "9999999", "--aov", "watched"]);
+    assert!(out.status.success() && stderr(&out).contains("9999999"), "{}", stderr(&out));
+}
+
+/// Size of a PLY file, where its header ends, and its number of vertices.
+fn ply(path: &str) -> (usize, usize, usize) {
+    let bytes = std::fs::read(path).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
+    let header = String::from_utf8_lossy(&bytes[..end]).into_owned();
+    let n = header.lines().find_map(|l| l.strip_prefix("element vertex ")).expect("a number of vertices");
+    (bytes.len(), end, n.parse().unwrap())
+}
+
+#[test]
 fn photons_records_and_emission_are_shown_in_files() {
     let (dir, exr) = scratch("a.exr");
     let file = |name: &str| dir.path().join(name).to_str().unwrap().to_string();
@@ -187,12 +240,8 @@ fn photons_records_and_emission_are_shown_in_files() {
     let out = render(&ring, &["--photons-ply", &photons, "--cache-ply", &cache, "--emission-density", &density]);
     assert!(out.status.success(), "{}", stderr(&out));
     for (path, floats, more) in [(&photons, 18, 13), (&cache, 17, 0)] {
-        let bytes = std::fs::read(path).unwrap();
-        let end = bytes.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
-        let header = String::from_utf8_lossy(&bytes[..end]).into_owned();
-        let n = header.lines().find_map(|l| l.strip_prefix("element vertex ")).expect("a number of vertices");
-        let n: usize = n.parse().unwrap();
-        assert!(n > 10 && bytes.len() - end == n * (4 * floats + more), "{path}: {n}");
+        let (bytes, end, n) = ply(path);
+        assert!(n > 10 && bytes - end == n * (4 * floats + more), "{path}: {n}");
     }
     let (v, _) = exr_values(&density);
     assert!(v["density"].iter().any(|x| *x > 1.5), "photons gather somewhere");

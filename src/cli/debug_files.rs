@@ -23,8 +23,8 @@ pub fn check(args: &RenderArgs, integrator: &dyn Integrator) -> Result<(), Failu
     if let Some(path) = &flags.emission_density {
         super::output::check_name(path)?;
     }
-    if flags.cache_ply.is_some() && integrator.cache().is_none() {
-        return Err("--cache-ply: this render uses no irradiance cache".into());
+    if flags.cache_ply.is_some() && integrator.cache().is_none() && !integrator.has_cache_points() {
+        return Err("--cache-ply: this render uses neither an irradiance cache nor one of visibility".into());
     }
     Ok(())
 }
@@ -58,8 +58,12 @@ pub fn before(args: &RenderArgs, integrator: &dyn Integrator) -> Result<(), Fail
 
 /// Writes what is known in the end.
 pub fn after(args: &RenderArgs, integrator: &dyn Integrator) -> Result<(), Failure> {
-    if let (Some(path), Some(cache)) = (&args.photon.cache_ply, integrator.cache()) {
-        write(path, |out| cache_inspect::write_ply(out, cache.records()))?;
+    if let Some(path) = &args.photon.cache_ply {
+        match (integrator.cache(), integrator.cache_points_ply()) {
+            (Some(cache), _) => write(path, |out| cache_inspect::write_ply(out, cache.records()))?,
+            (None, Some(points)) => atomic::write_file(path, &points)?,
+            (None, None) => {}
+        }
     }
     Ok(())
 }

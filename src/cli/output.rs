@@ -6,6 +6,7 @@ use crate::image::exr_file::{Attribute, ExrCompression, ExrImage, Precision, wri
 use crate::image::film::{Film, Makeup};
 use crate::image::png_file::{write_codes, write_png};
 use crate::image::{ImageFileError, Window, atomic};
+use crate::integrators::Told;
 use crate::math::Vec3;
 use crate::render::COARSE_BLOCK;
 use std::error::Error;
@@ -40,6 +41,12 @@ pub enum Aov {
     /// First look-up in the irradiance cache: records used, their mean radius, bound of the relative error, share of samples that found one
     /// (`cache.records`, `.radius`, `.error`, `.found`; photon only).
     Cache,
+    /// Roulette of virtual lights: those with a contribution, over all samples, and the shares of them whose shadow ray was certain and whose
+    /// probability of one was the least there is (`roulette.pairs`, `.certain`, `.floored`; many-light only).
+    Roulette,
+    /// The light of --watch-light at the first diffuse surface: probability of selection, predicted visibility, probability of a shadow ray,
+    /// share of samples it could light (`watched.pi`, `.q`, `.u`, `.lit`; many-light only).
+    Watched,
     /// Predicted edges (`edges.event`, `.kinds`, `.distance`; see `dualux edges --help`).
     Edges,
 }
@@ -47,12 +54,16 @@ pub enum Aov {
 impl Aov {
     /// Whether the integrator has to record features for it.
     pub fn is_feature(self) -> bool {
-        matches!(self, Aov::Albedo | Aov::Normal | Aov::Depth | Aov::Shape | Aov::ShadowRays) || self.is_makeup()
+        matches!(self, Aov::Albedo | Aov::Normal | Aov::Depth | Aov::Shape | Aov::ShadowRays) || self.asks().is_some()
     }
 
-    /// Whether only an integrator that tells what samples are made of has it.
-    pub fn is_makeup(self) -> bool {
-        matches!(self, Aov::Direct | Aov::Caustic | Aov::Indirect | Aov::Gathers | Aov::Cache)
+    /// What samples must tell for it.
+    pub fn asks(self) -> Option<Told> {
+        match self {
+            Aov::Direct | Aov::Caustic | Aov::Indirect | Aov::Gathers | Aov::Cache => Some(Told::Parts),
+            Aov::Roulette | Aov::Watched => Some(Told::VirtualLights),
+            _ => None,
+        }
     }
 }
 
@@ -97,8 +108,9 @@ impl Output {
     /// Values in an EXR file.
     fn values(&self, pixels: usize) -> usize {
         let channels = |aov: &Aov| match aov {
-            Aov::Cache => 4,
-            Aov::Albedo | Aov::Normal | Aov::Variance | Aov::Edges | Aov::Direct | Aov::Caustic | Aov::Indirect => 3,
+            Aov::Cache | Aov::Watched => 4,
+            Aov::Albedo | Aov::Normal | Aov::Variance | Aov::Edges => 3,
+            Aov::Direct | Aov::Caustic | Aov::Indirect | Aov::Roulette => 3,
             Aov::Depth | Aov::Shape | Aov::Samples | Aov::ShadowRays | Aov::Gathers => 1,
         };
         pixels * (3 + self.aovs.iter().map(channels).sum::<usize>())
@@ -170,6 +182,17 @@ impl Output {
                     number(image, "cache", "radius", |m| m.radius);
                     number(image, "cache", "error", |m| m.error);
                     number(image, "cache", "found", |m| m.cached);
+                }
+                Aov::Roulette => {
+                    number(image, "roulette", "pairs", |m| m.pairs);
+                    number(image, "roulette", "certain", |m| m.certain);
+                    number(image, "roulette", "floored", |m| m.floored);
+                }
+                Aov::Watched => {
+                    number(image, "watched", "pi", |m| m.selection);
+                    number(image, "watched", "q", |m| m.prediction);
+                    number(image, "watched", "u", |m| m.check);
+                    number(image, "watched", "lit", |m| m.watched);
                 }
                 Aov::Variance => image.add_layer("variance", "RGB", Precision::Float, &film.variance()),
                 Aov::Edges => {

@@ -134,7 +134,8 @@ pub struct PhotonArgs {
     /// Write the photons of the first pass to this PLY file: positions, flux, footprints.
     #[arg(long, value_name = "FILE")]
     pub photons_ply: Option<PathBuf>,
-    /// Write the records of the irradiance cache to this PLY file in the end: positions, radii, irradiance.
+    /// Write the records of the irradiance cache to this PLY file in the end: positions, radii, irradiance (many-light: the last pass's cache
+    /// points of visibility).
     #[arg(long, value_name = "FILE")]
     pub cache_ply: Option<PathBuf>,
     /// Write a picture (.exr or .png) of where photons leave the lights: photons per solid angle over those of uniform emission, the faces of a
@@ -168,6 +169,13 @@ pub struct ManyLightArgs {
     /// Area of virtual lights, in areas of their photons' footprints; 0: points [default: 0.02].
     #[arg(long, value_name = "FACTOR", value_parser = options::not_negative)]
     pub vpl_area: Option<f64>,
+    /// Share each pass's virtual lights out among N x N pixels that lie side by side: N^2 times fewer for each, a quicker preview with a pattern
+    /// that fades as passes go on [default: 1].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub interleave: Option<u32>,
+    /// Show how this virtual light is treated in the layer `watched`: its index in the file of --points.
+    #[arg(long, value_name = "INDEX")]
+    pub watch_light: Option<u32>,
     /// Leave out what the area of virtual lights takes away near them: corners come out darker, a little faster.
     #[arg(long)]
     pub no_compensation: bool,
@@ -313,9 +321,12 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
         ));
     }
 
-    if let Some(aov) = output.aovs.iter().find(|a| a.is_makeup() && !integrator.tells_makeup()) {
+    if let Some(aov) = output.aovs.iter().find(|a| a.asks().is_some_and(|told| integrator.tells() != Some(told))) {
         let name = aov.to_possible_value().map_or_else(String::new, |v| v.get_name().to_string());
         return Err(format!("--aov {name}: the integrator {} has no such layer", integrator.name()).into());
+    }
+    if output.aovs.contains(&Aov::Watched) && args.many_light.watch_light.is_none() {
+        return Err("--aov watched: no light is watched; --watch-light says which".into());
     }
     debug_files::check(args, integrator)?;
     debug_files::before(args, integrator)?;

@@ -44,6 +44,20 @@ pub struct Makeup {
     pub radius: f32,
     /// Bound of the relative error of interpolation.
     pub error: f32,
+    /// Virtual lights with a contribution, over all points of the sample.
+    pub pairs: f32,
+    /// Those of them whose shadow ray was certain.
+    pub certain: f32,
+    /// Those of them at the least probability of a shadow ray.
+    pub floored: f32,
+    /// 1 if a virtual light that is watched could light the first point; the next three are those of that point.
+    pub watched: f32,
+    /// Probability that the light was looked at.
+    pub selection: f32,
+    /// Predicted visibility.
+    pub prediction: f32,
+    /// Probability of a shadow ray, once it was looked at.
+    pub check: f32,
 }
 
 impl Makeup {
@@ -57,11 +71,19 @@ impl Makeup {
         self.records += o.records;
         self.radius += o.radius;
         self.error += o.error;
+        self.pairs += o.pairs;
+        self.certain += o.certain;
+        self.floored += o.floored;
+        self.watched += o.watched;
+        self.selection += o.selection;
+        self.prediction += o.prediction;
+        self.check += o.check;
     }
 
-    /// Of sums over `1 / k` samples: light per sample, counts in all, figures of the cache per look-up.
+    /// Of sums over `1 / k` samples: light per sample, counts in all, figures of the cache per look-up, of a watched light per point, shares of pairs.
     fn of_sums(&self, k: f32) -> Self {
-        let found = 1.0 / self.cached.max(1.0);
+        let (found, watched, pair) =
+            (1.0 / self.cached.max(1.0), 1.0 / self.watched.max(1.0), 1.0 / self.pairs.max(1.0));
         Makeup {
             direct: self.direct * k,
             caustic: self.caustic * k,
@@ -70,6 +92,12 @@ impl Makeup {
             records: self.records * found,
             radius: self.radius * found,
             error: self.error * found,
+            certain: self.certain * pair,
+            floored: self.floored * pair,
+            watched: self.watched * k,
+            selection: self.selection * watched,
+            prediction: self.prediction * watched,
+            check: self.check * watched,
             ..*self
         }
     }

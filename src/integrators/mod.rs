@@ -66,6 +66,15 @@ impl std::ops::AddAssign for Counts {
     }
 }
 
+/// What samples of an integrator say about themselves, beside the features of the first surface ([`Makeup`](crate::image::film::Makeup)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Told {
+    /// Direct, caustic and indirect light, paths, look-ups in the cache.
+    Parts,
+    /// Roulette of virtual lights.
+    VirtualLights,
+}
+
 /// A light transport algorithm, ready to take samples.
 pub trait Integrator: Sync {
     /// Name on the command line.
@@ -103,9 +112,9 @@ pub trait Integrator: Sync {
     /// the sampler's numbers.
     fn sample(&self, ray: &CameraRay, pass: u64, sampler: &mut Sampler, counts: &mut Counts) -> (Rgb, Features);
 
-    /// Whether samples say what they are made of: direct, caustic and indirect light, paths, look-ups in the cache.
-    fn tells_makeup(&self) -> bool {
-        false
+    /// What samples say about themselves.
+    fn tells(&self) -> Option<Told> {
+        None
     }
 
     /// The photons of pass 0, traced for this call.
@@ -140,6 +149,16 @@ pub trait Integrator: Sync {
 
     /// Points that the last pass was made of, as a PLY file, if there are any to show.
     fn points_ply(&self) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// Whether [`Self::cache_points_ply`] will have any.
+    fn has_cache_points(&self) -> bool {
+        false
+    }
+
+    /// What sees the points of [`Self::points_ply`]: cache points of visibility in the last pass, as a PLY file.
+    fn cache_points_ply(&self) -> Option<Vec<u8>> {
         None
     }
 

@@ -121,7 +121,7 @@ fn probes(world: World) -> Vec<LitPoint> {
     let middle = |i: u32, n: u32| (i as f32 + 0.5) / side as f32 * n as f32;
     let seen = |i: u32| {
         let pixel = Vec2::new(x as f32 + middle(i % side, width), y as f32 + middle(i / side, height));
-        let CameraRay { o, d, tmin, tmax } = scene.camera.ray(pixel, Vec2::splat(0.5));
+        let CameraRay { o, d, tmin, tmax, .. } = scene.camera.ray(pixel, Vec2::splat(0.5));
         let ray = Ray { o, d, tmin, tmax };
         let at = world.surface(&ray, &world.accel.closest(&ray)?);
         Some(LitPoint { p: at.p, n: world.bsdf(&at, -d).upper_normal() })

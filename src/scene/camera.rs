@@ -22,6 +22,8 @@ pub struct CameraRay {
     pub tmin: f32,
     /// Distance at which the ray ends.
     pub tmax: f32,
+    /// Film position that it belongs to, pixels of the full image.
+    pub film: Vec2,
 }
 
 /// All rays through a rectangle of the film and all of the lens, affine in film and lens position:
@@ -135,6 +137,7 @@ impl Camera {
                 d: az.normalize().as_vec3(),
                 tmin: self.clip[0] as f32,
                 tmax: self.clip[1] as f32,
+                film,
             };
         }
         // Offset of the lens point, and the direction to where the pinhole's ray meets the plane in focus, at depth 1.
@@ -153,6 +156,7 @@ impl Camera {
             d: (d / length).as_vec3(),
             tmin: (self.clip[0] * length) as f32,
             tmax: (self.clip[1] * length) as f32,
+            film,
         }
     }
 

@@ -222,6 +222,24 @@ impl VisibilityCache {
     }
 }
 
+/// The cache points of one cache after the other as a point cloud, binary PLY, little-endian: position x y z, normal nx ny nz, mean contribution of a
+/// light to a white surface there (W/(m^2 sr)), and its squared coefficient of variation kappa.
+pub fn write_ply(caches: &[&VisibilityCache]) -> Vec<u8> {
+    const FLOATS: [&str; 8] = ["x", "y", "z", "nx", "ny", "nz", "mean", "kappa"];
+    let count: usize = caches.iter().map(|c| c.points.len()).sum();
+    let mut out =
+        format!("ply\nformat binary_little_endian 1.0\ncomment cache points of visibility\nelement vertex {count}\n");
+    FLOATS.iter().for_each(|name| out += &format!("property float {name}\n"));
+    let mut out = (out + "end_header\n").into_bytes();
+    for cache in caches {
+        for (point, spread) in cache.points.iter().zip(&cache.spread) {
+            let values = [point.p.to_array(), point.n_shade.to_array()];
+            values.as_flattened().iter().chain(spread).for_each(|v| out.extend(v.to_le_bytes()));
+        }
+    }
+    out
+}
+
 /// A block of cache points and a chunk of lights.
 struct Task<'a> {
     world: World<'a>,

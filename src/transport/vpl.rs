@@ -176,26 +176,6 @@ impl Vpls {
         Vpls { lights, ..Vpls::default() }
     }
 
-    /// The lights as a point cloud, binary PLY, little-endian: position x y z, normal nx ny nz, power_r power_g power_b (intensity along the normal, W/sr, of
-    /// Lambertian lights; flux of others, W), radius of the disc, segments of the light's way.
-    pub fn ply(&self) -> Vec<u8> {
-        const FLOATS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "power_r", "power_g", "power_b", "radius"];
-        let mut out = format!(
-            "ply\nformat binary_little_endian 1.0\ncomment virtual point lights\nelement vertex {}\n",
-            self.lights.len()
-        );
-        FLOATS.iter().for_each(|name| out += &format!("property float {name}\n"));
-        let mut out = (out + "property uint segments\nend_header\n").into_bytes();
-        for light in &self.lights {
-            for v in [light.p, light.n, light.power] {
-                v.to_array().iter().for_each(|c| out.extend(c.to_le_bytes()));
-            }
-            out.extend(light.radius2.sqrt().to_le_bytes());
-            out.extend(light.segments.to_le_bytes());
-        }
-        out
-    }
-
     /// Intensity times G' in the unnormalised direction `d` from the light, of squared length `d2`: irradiance across the direction at its end, W/m^2.
     #[inline]
     pub fn arriving(&self, light: &Vpl, d: Vec3, d2: f32) -> Rgb {
@@ -210,6 +190,27 @@ impl Vpls {
         let (bsdf, from) = &self.materials[light.material as usize];
         light.power * bsdf.eval(*from, d / d2.sqrt(), Transport::Importance) / near
     }
+}
+
+/// The lights of one set after the other as a point cloud, binary PLY, little-endian: position x y z, normal nx ny nz, power_r power_g power_b (intensity
+/// along the normal, W/sr, of Lambertian lights; flux of others, W), radius of the disc, segments of the light's way.
+pub fn write_ply<'a>(sets: impl Iterator<Item = &'a Vpls>) -> Vec<u8> {
+    const FLOATS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "power_r", "power_g", "power_b", "radius"];
+    let lights: Vec<&Vpl> = sets.flat_map(|s| &s.lights).collect();
+    let mut out = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment virtual point lights\nelement vertex {}\n",
+        lights.len()
+    );
+    FLOATS.iter().for_each(|name| out += &format!("property float {name}\n"));
+    let mut out = (out + "property uint segments\nend_header\n").into_bytes();
+    for light in lights {
+        for v in [light.p, light.n, light.power] {
+            v.to_array().iter().for_each(|c| out.extend(c.to_le_bytes()));
+        }
+        out.extend(light.radius2.sqrt().to_le_bytes());
+        out.extend(light.segments.to_le_bytes());
+    }
+    out
 }
 
 /// Share c(r) of what arrives from the squared distance `r2` that virtual lights of the disc `radius2` leave out.

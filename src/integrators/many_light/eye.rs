@@ -237,6 +237,10 @@ impl Eye<'_> {
         if let Some(lights) = self.lights.as_ref().filter(|_| parts.indirect) {
             let r = Receiver::new(at, diffuse, wo, b.throughput, most.saturating_sub(1), b.depth + 1 + b.passed);
             sample.radiance += lights.sum(&r, sample.rng, &mut sample.tally);
+            let watched = self.settings.watched.filter(|_| !b.indirect);
+            if let Some(rule) = watched.and_then(|light| lights.rule(&r, light as usize)) {
+                sample.tally.watch(rule);
+            }
         }
     }
 

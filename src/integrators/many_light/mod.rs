@@ -11,28 +11,29 @@
 //! Verified by tests/many_light.rs (agreement with `path`, furnace, determinism), `transport::strategies::tests`
 
 mod eye;
+mod lights;
 mod meter;
 mod settings;
 
 pub use settings::ManyLightSettings;
 
 use self::eye::Eye;
+use self::lights::{PassLights, class};
 use self::meter::Meter;
 use super::photon::PhotonSettings;
 use super::photon::caustics::Caustics;
 use super::photon::places::places;
-use super::{Counts, Integrator};
+use super::{Counts, Integrator, Told};
 use crate::image::film::{Features, Film, PixelSums};
 use crate::math::sampler::{hash, unit_f32};
 use crate::math::{Price, Rgb, Sampler, Vec2};
 use crate::scene::camera::CameraRay;
 use crate::scene::material::has_sharp_lobe;
 use crate::transport::direct::Direct;
-use crate::transport::strategies::{LOOK, ManyLights, Strategy, culling};
+use crate::transport::strategies::{LOOK, ManyLights};
 use crate::transport::visibility::posterior::Posterior;
-use crate::transport::visibility::{ShadingClusters, VisibilityCache};
-use crate::transport::vpl::{Area, VplSource, Vpls};
-use crate::transport::vpl_tree::VplTree;
+use crate::transport::visibility::{self, ShadingClusters};
+use crate::transport::vpl::{VplSource, write_ply};
 use crate::transport::{CausticMap, World};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
@@ -53,15 +54,6 @@ const METERED: u64 = 8;
 /// Separates random numbers of trials and culling from those of samples.
 const STREAM: u64 = 0x6d61_6e79; // "many"
 
-/// The virtual lights of a pass and what belongs to them.
-#[derive(Debug, Default)]
-struct PassLights {
-    vpls: Vpls,
-    tree: VplTree,
-    cache: Option<VisibilityCache>,
-    ranges: Vec<f32>,
-}
-
 /// The many-light integrator.
 pub struct ManyLight<'a> {
     world: World<'a>,
@@ -72,7 +64,8 @@ pub struct ManyLight<'a> {
     map: Option<CausticMap>,
     source: Option<VplSource<'a>>,
     clusters: ShadingClusters,
-    lights: PassLights,
+    /// By class of film positions; empty without any.
+    lights: Vec<PassLights>,
     posterior: Posterior,
     meter: Meter,
     price: Price,
@@ -100,7 +93,9 @@ impl<'a> ManyLight<'a> {
         let path = settings.path;
         let wanted = settings.vpls.unwrap_or((pixels / PIXELS_PER_LIGHT).clamp(FEWEST, MOST_LIGHTS));
         let source = (settings.parts.indirect)
-            .then(|| VplSource::new(world, wanted, path.max_depth, path.rr_depth, settings.seed))
+            .then(|| {
+                VplSource::new(world, wanted.div_ceil(classes(&settings)), path.max_depth, path.rr_depth, settings.seed)
+            })
             .flatten();
         let radius2 = source.as_ref().map_or(0.0, VplSource::mean_area) * settings.area * FRAC_1_PI;
         ManyLight {
@@ -112,7 +107,7 @@ impl<'a> ManyLight<'a> {
             map: None,
             source,
             clusters: ShadingClusters::default(),
-            lights: PassLights::default(),
+            lights: Vec::new(),
             posterior: Posterior::default(),
             meter: Meter::default(),
             price: Price { look: LOOK, check: 1.0, lambda: 0.0 },
@@ -126,45 +121,34 @@ impl<'a> ManyLight<'a> {
 
     /// Cost of a pass's preparations, shadow rays per pixel.
     fn shared_cost(&self) -> f64 {
-        let rays = self.lights.vpls.rays + self.lights.cache.as_ref().map_or(0, |c| c.rays);
+        let rays: u64 = self.lights.iter().map(|l| l.vpls.rays + l.cache.as_ref().map_or(0, |c| c.rays)).sum();
         rays as f64 / (f64::from(self.window[2]) * f64::from(self.window[3])).max(1.0)
     }
 
     fn make_lights(&mut self, pass: u64) {
         let Some(source) = &self.source else { return };
-        let area = match self.settings.area {
-            0.0 => Area::One(0.0),
-            a if self.settings.compensate => Area::One(a * source.mean_area()),
-            a => Area::Own(a),
-        };
-        let mut vpls = source.lights(area, pass);
-        let mut tree = VplTree::build(&mut vpls);
-        let strategy = self.settings.strategy.strategy;
-        let cache = strategy
-            .needs_cache()
-            .then(|| VisibilityCache::build(self.world, &self.clusters, &vpls, self.settings.seed, pass));
-        if let (Some(cache), Strategy::Joint) = (&cache, strategy) {
-            tree.count_visible(cache);
+        let classes = classes(&self.settings) as u64;
+        let one = |k| PassLights::new(self.world, source, &self.clusters, &self.settings, pass * classes + k);
+        self.lights = (0..classes).map(one).collect();
+        for l in &self.lights {
+            self.prepared.photons += l.vpls.photons;
+            self.prepared.rays += l.vpls.rays;
+            self.cache_rays += l.cache.as_ref().map_or(0, |c| c.rays);
         }
-        self.prepared.photons += vpls.photons;
-        self.prepared.rays += vpls.rays;
-        self.cache_rays += cache.as_ref().map_or(0, |c| c.rays);
-        self.lights = PassLights { vpls, tree, cache, ranges: Vec::new() };
     }
 
     /// Random ranges for this pass, with the present lambda.
     fn set_ranges(&mut self, pass: u64) {
-        if self.settings.strategy.strategy == Strategy::Culling {
-            let two_epsilon = culling::two_epsilon(self.settings.strategy.epsilon, &self.price);
-            let key = hash(hash(self.settings.seed, STREAM), pass);
-            self.lights.ranges = culling::ranges(&self.lights.vpls, two_epsilon, key);
-            self.lights.tree.set_ranges(&self.lights.ranges);
+        for (k, lights) in self.lights.iter_mut().enumerate() {
+            let key = hash(hash(hash(self.settings.seed, STREAM), pass), k as u64);
+            lights.set_ranges(&self.settings, &self.price, key);
         }
     }
 
     /// A first lambda, by trials of some camera samples with the lights of the first pass.
     fn find_price(&mut self) {
-        let total: f64 = self.lights.vpls.lights.iter().map(|l| f64::from(l.strength)).sum();
+        let all = self.lights.iter().flat_map(|l| &l.vpls.lights);
+        let total = all.map(|l| f64::from(l.strength)).sum::<f64>() / self.lights.len().max(1) as f64;
         let area: f64 = self.world.scene.shapes.iter().map(|s| f64::from(s.area())).sum();
         // The radiance of the lights' flux if it lay evenly on all surfaces: right to an order of magnitude.
         let radiance = total * std::f64::consts::PI / area.max(f64::MIN_POSITIVE);
@@ -181,8 +165,8 @@ impl<'a> ManyLight<'a> {
                 let at = Vec2::new(x + w * unit_f32(key), y + h * unit_f32(hash(key, 1)));
                 let mut rng = Sampler::new(self.settings.seed, key, u64::from(trial));
                 let mut counts = Counts::default();
-                let (_, _, tally) =
-                    self.eye().sample(&self.world.scene.camera.ray(at, Vec2::splat(0.5)), &mut rng, &mut counts);
+                let camera = self.world.scene.camera.ray(at, Vec2::splat(0.5));
+                let (_, _, tally) = self.eye(at).sample(&camera, &mut rng, &mut counts);
                 self.meter.add(&tally, counts.rays + counts.direct.shadow_rays);
                 counts.rays + counts.direct.shadow_rays + tally.counts().shadow_rays
             });
@@ -199,30 +183,35 @@ impl<'a> ManyLight<'a> {
         }
     }
 
-    fn eye(&self) -> Eye<'_> {
-        let PassLights { vpls, tree, cache, ranges } = &self.lights;
-        let lights = (!vpls.lights.is_empty()).then(|| ManyLights {
-            ranges,
-            ..ManyLights::new(
-                self.world,
-                vpls,
-                tree,
-                cache.as_ref(),
-                &self.posterior,
-                self.settings.strategy,
-                self.price,
-            )
-        });
+    /// The eye at a film position.
+    fn eye(&self, film: Vec2) -> Eye<'_> {
+        let lights = self.lights.get(class(film, self.settings.interleave)).filter(|l| !l.vpls.lights.is_empty());
         Eye {
             world: self.world,
             settings: &self.settings,
             direct: &self.direct,
             caustics: self.map.as_ref(),
-            lights,
+            lights: lights.map(|PassLights { vpls, tree, cache, ranges }| ManyLights {
+                ranges,
+                ..ManyLights::new(
+                    self.world,
+                    vpls,
+                    tree,
+                    cache.as_ref(),
+                    &self.posterior,
+                    self.settings.strategy,
+                    self.price,
+                )
+            }),
             radius2: self.radius2,
             has_rest: self.has_rest,
         }
     }
+}
+
+/// Classes of film positions with lights of their own.
+fn classes(settings: &ManyLightSettings) -> usize {
+    (settings.interleave * settings.interleave) as usize
 }
 
 impl Integrator for ManyLight<'_> {
@@ -269,8 +258,9 @@ impl Integrator for ManyLight<'_> {
 
     fn sample(&self, camera: &CameraRay, _pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {
         let before = counts.rays + counts.direct.shadow_rays;
-        let (radiance, features, tally) = self.eye().sample(camera, rng, counts);
+        let (radiance, mut features, tally) = self.eye(camera.film).sample(camera, rng, counts);
         counts.many_light += tally.counts();
+        tally.tell(&mut features.makeup);
         // A part of the samples, the same for any number of threads.
         if hash(u64::from(camera.d.x.to_bits()), u64::from(camera.d.y.to_bits())).is_multiple_of(METERED) {
             self.meter.add(&tally, counts.rays + counts.direct.shadow_rays - before);
@@ -279,24 +269,42 @@ impl Integrator for ManyLight<'_> {
     }
 
     fn figures(&self) -> Vec<(&'static str, u64)> {
-        let mut all = vec![("virtual lights", self.lights.vpls.lights.len() as u64)];
+        let sum = |of: fn(&PassLights) -> usize| self.lights.iter().map(of).sum::<usize>() as u64;
+        let mut all = vec![("virtual lights", sum(|l| l.vpls.lights.len()))];
         if let Some(map) = &self.map {
             all.push(("caustic photons stored", map.stored() as u64));
         }
-        if let Some(cache) = &self.lights.cache {
-            all.push(("cache points", cache.points().len() as u64));
-            all.push(("cache bytes", cache.bytes() as u64));
+        if self.lights.iter().any(|l| l.cache.is_some()) {
+            all.push(("cache points", sum(|l| l.cache.as_ref().map_or(0, |c| c.points().len()))));
+            all.push(("cache bytes", sum(|l| l.cache.as_ref().map_or(0, |c| c.bytes()))));
             all.push(("cache shadow rays", self.cache_rays));
         }
         all
     }
 
+    fn tells(&self) -> Option<Told> {
+        Some(Told::VirtualLights)
+    }
+
     fn points_ply(&self) -> Option<Vec<u8>> {
-        Some(self.lights.vpls.ply())
+        Some(write_ply(self.lights.iter().map(|l| &l.vpls)))
+    }
+
+    fn has_cache_points(&self) -> bool {
+        self.source.is_some() && self.settings.strategy.strategy.needs_cache()
+    }
+
+    fn cache_points_ply(&self) -> Option<Vec<u8>> {
+        let caches: Vec<_> = self.lights.iter().filter_map(|l| l.cache.as_ref()).collect();
+        (!caches.is_empty()).then(|| visibility::write_ply(&caches))
     }
 
     fn remarks(&self, _counts: &Counts) -> Vec<String> {
         let mut out = Vec::new();
+        let fewest = self.lights.iter().map(|l| l.vpls.lights.len()).min().unwrap_or(0);
+        if let Some(light) = self.settings.watched.filter(|&l| l as usize >= fewest) {
+            out.push(format!("the last pass has {fewest} virtual lights; one with the index {light} is none of them"));
+        }
         if self.source.is_none() && self.settings.parts.indirect && !self.world.scene.lights.is_empty() {
             out.push("no light reaches a diffuse surface within the limit of depth: no virtual light".into());
         }

@@ -25,6 +25,10 @@ pub struct ManyLightSettings {
     pub area: f32,
     /// Photons per pass for caustics; `None`: as many as pixels.
     pub caustic_photons: Option<u64>,
+    /// Side n of the blocks of n x n pixels that share a pass's lights among them (interleaved sampling); 1: all pixels have all.
+    pub interleave: u32,
+    /// Virtual light whose probabilities are recorded.
+    pub watched: Option<u32>,
     /// Which light is shown.
     pub parts: Parts,
     /// Seed of photons and caches.
@@ -42,6 +46,8 @@ impl Default for ManyLightSettings {
             compensate: true,
             area: 0.02,
             caustic_photons: None,
+            interleave: 1,
+            watched: None,
             parts: Parts::default(),
             seed: 0,
         }

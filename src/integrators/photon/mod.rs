@@ -25,7 +25,7 @@ pub use settings::{Antialiasing, Emission, Indirect, Parts, PhotonSettings};
 use self::caustics::Caustics;
 use self::eye::Eye;
 use self::global::Global;
-use super::{Counts, Integrator};
+use super::{Counts, Integrator, Told};
 use crate::emission::DensityMap;
 use crate::image::film::{Features, Film};
 use crate::math::sampler::hash;
@@ -371,8 +371,8 @@ impl Integrator for Photon<'_> {
         all
     }
 
-    fn tells_makeup(&self) -> bool {
-        true
+    fn tells(&self) -> Option<Told> {
+        Some(Told::Parts)
     }
 
     fn photons(&self) -> Vec<StoredPhoton> {

@@ -47,7 +47,7 @@ struct Way {
 /// Places seen through the middle of a pixel.
 fn seen(world: World, pixel: Vec2, found: &mut Vec<Place>) {
     let camera = &world.scene.camera;
-    let CameraRay { o, d, tmin, tmax } = camera.ray(pixel, Vec2::splat(0.5));
+    let CameraRay { o, d, tmin, tmax, .. } = camera.ray(pixel, Vec2::splat(0.5));
     let size = PixelSize::new(world, pixel);
     let mut waiting = ArrayVec::<Way, 8>::new();
     waiting.push(Way { ray: Ray { o, d, tmin, tmax }, before: 0.0, weight: 1.0, scatterings: 0 });

@@ -25,6 +25,18 @@ use arrayvec::ArrayVec;
 const OPEN: f32 = 16.0;
 /// r: residual of a group's lights over the share that is visible, before single ones are looked at.
 const UNSURE: f32 = 0.15;
+/// What is to be done with a group of lights.
+pub(super) enum Group {
+    /// Nothing comes from it.
+    Dark,
+    /// Its children are asked.
+    Open,
+    /// Every light is looked at.
+    All,
+    /// Each light is looked at with this probability.
+    Some(f32),
+}
+
 /// Groups that wait at a time: more than the tree can be deep.
 const MOST_WAITING: usize = 512;
 
@@ -41,18 +53,12 @@ impl ManyLights<'_> {
         let mut sum = Rgb::ZERO;
         let known = self.posterior.predictions(near.surrounding);
         let nearest = near.points.first().copied();
-        let scale = ((1.0 - UNSURE) / (self.price.lambda * self.price.look)).sqrt();
+        let scale = self.selection_scale();
         let mut waiting = ArrayVec::<u32, MOST_WAITING>::new();
         waiting.push(0);
         while let Some(index) = waiting.pop() {
             let node = &self.tree.nodes()[index as usize];
             tally.nodes += 1;
-            let (bound, typical) = node.contribution(r.at.p, r.horizon, r.reach);
-            if bound <= 0.0 {
-                continue;
-            }
-            let scale = scale * self.tree.seen(index, nearest);
-            let most = bound * scale;
             let mut look = |i: usize, pi: f32, check: &mut C, tally: &mut Tally| {
                 tally.looks += 1;
                 let t = r.tentative(self.vpls, &self.vpls.lights[i]);
@@ -64,19 +70,44 @@ impl ManyLights<'_> {
                 let checked = check.toss(rule.u);
                 sum += self.term(r, i, t, &rule, checked, Some(case), tally);
             };
-            let opened = node.count as f32 * most > OPEN;
-            let room = waiting.remaining_capacity() >= 2;
-            if opened && !node.is_leaf() && room {
-                let [a, b] = self.tree.children(index);
-                waiting.push(b);
-                waiting.push(a);
-            } else if opened && most >= 1.0 {
-                (node.first..node.first + node.count).for_each(|i| look(i as usize, 1.0, check, tally));
-            } else {
-                let pi = (typical * scale).clamp(LEAST_SELECTION, 0.99);
-                select.toss_many(node.count, pi, &mut |k| look((node.first + k) as usize, pi, check, tally));
+            match self.group(index, r, nearest, scale, waiting.remaining_capacity() >= 2) {
+                Group::Dark => {}
+                Group::Open => {
+                    let [a, b] = self.tree.children(index);
+                    waiting.push(b);
+                    waiting.push(a);
+                }
+                Group::All => (node.first..node.first + node.count).for_each(|i| look(i as usize, 1.0, check, tally)),
+                Group::Some(pi) => {
+                    select.toss_many(node.count, pi, &mut |k| look((node.first + k) as usize, pi, check, tally));
+                }
             }
         }
         sum
+    }
+
+    /// Probability of selection per contribution, where all is visible.
+    pub(super) fn selection_scale(&self) -> f32 {
+        ((1.0 - UNSURE) / (self.price.lambda * self.price.look)).sqrt()
+    }
+
+    /// What becomes of a group; `room`: whether its children may wait.
+    #[inline]
+    pub(super) fn group(&self, index: u32, r: &Receiver, nearest: Option<u32>, scale: f32, room: bool) -> Group {
+        let node = &self.tree.nodes()[index as usize];
+        let (bound, typical) = node.contribution(r.at.p, r.horizon, r.reach);
+        if bound <= 0.0 {
+            return Group::Dark;
+        }
+        let scale = scale * self.tree.seen(index, nearest);
+        let most = bound * scale;
+        let opened = node.count as f32 * most > OPEN;
+        if opened && !node.is_leaf() && room {
+            Group::Open
+        } else if opened && most >= 1.0 {
+            Group::All
+        } else {
+            Group::Some((typical * scale).clamp(LEAST_SELECTION, 0.99))
+        }
     }
 }

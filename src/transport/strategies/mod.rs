@@ -27,6 +27,7 @@ mod tally;
 #[cfg(test)]
 mod tests;
 pub mod veach;
+mod watch;
 
 use self::coins::{Coin, Independent, Systematic};
 pub use self::receiver::Receiver;
@@ -171,37 +172,39 @@ impl<'a> ManyLights<'a> {
     /// Sum over all lights one by one.
     fn flat<C: Coin>(&self, r: &Receiver, near: &Neighbours, check: &mut C, tally: &mut Tally) -> Rgb {
         let mut sum = Rgb::ZERO;
-        let n0 = 1.0 + r.eye_rays as f32 / self.vpls.lights.len() as f32;
-        // The cache points' mean is that of a white surface, whose f is 1 / pi.
-        let local = near.mean * r.reach * std::f32::consts::PI;
-        let sigma2 = near.kappa * local * local;
-        let known = self.posterior.predictions(near.surrounding);
         for (i, light) in self.vpls.lights.iter().enumerate() {
             tally.looks += 1;
             let t = r.tentative(self.vpls, light);
             if t == Rgb::ZERO {
                 continue;
             }
-            let size = mean(t);
-            let mut case = None;
-            let rule = match self.settings.strategy {
-                Strategy::Veach => veach::roulette(size, sigma2, n0),
-                Strategy::Nabata => {
-                    let (visible, telling) = self.votes(near, i);
-                    case = Some(agreement(visible, telling));
-                    nabata::roulette(size, visible, telling, sigma2, n0)
-                }
-                Strategy::Residual => {
-                    let of = self.agreement(near, i);
-                    case = Some(of);
-                    residual::roulette(size, &known[of], &self.price)
-                }
-                _ => exact::roulette(),
-            };
+            let (rule, case) = self.flat_rule(r, near, i, mean(t));
             let checked = check.toss(rule.u);
             sum += self.term(r, i, t, &rule, checked, case, tally);
         }
         sum
+    }
+
+    /// Roulette of a light of tentative contribution `size`, and the agreement of the cache points that were asked.
+    #[inline]
+    fn flat_rule(&self, r: &Receiver, near: &Neighbours, i: usize, size: f32) -> (ResidualRoulette, Option<usize>) {
+        // The cache points' mean is that of a white surface, whose f is 1 / pi.
+        let local = near.mean * r.reach * std::f32::consts::PI;
+        let sigma2 = near.kappa * local * local;
+        let n0 = 1.0 + r.eye_rays as f32 / self.vpls.lights.len() as f32;
+        match self.settings.strategy {
+            Strategy::Veach => (veach::roulette(size, sigma2, n0), None),
+            Strategy::Nabata => {
+                let (visible, telling) = self.votes(near, i);
+                (nabata::roulette(size, visible, telling, sigma2, n0), Some(agreement(visible, telling)))
+            }
+            Strategy::Residual => {
+                let of = self.agreement(near, i);
+                let known = self.posterior.predictions(near.surrounding);
+                (residual::roulette(size, &known[of], &self.price), Some(of))
+            }
+            _ => (exact::roulette(), None),
+        }
     }
 
     fn votes(&self, near: &Neighbours, light: usize) -> (u32, u32) {

@@ -7,6 +7,7 @@
 //! variance of the set sum over rays of t^2 v^2 / (pi u) - L^2 / N        as if the N lights had been drawn independently
 //! ```
 
+use crate::image::film::Makeup;
 use crate::math::ResidualRoulette;
 use crate::transport::visibility::posterior::{AGREEMENTS, Posterior};
 use std::ops::AddAssign;
@@ -64,6 +65,7 @@ pub struct Tally {
     squares: f64,
     here: u64,
     seen: [[u16; 2]; AGREEMENTS],
+    watched: Option<ResidualRoulette>,
 }
 
 impl Tally {
@@ -108,6 +110,19 @@ impl Tally {
     #[cfg(test)]
     pub(crate) fn looked(&mut self, n: u64) {
         self.looks += n;
+    }
+
+    /// Notes how a light that is watched is treated at the present point, the first time.
+    pub fn watch(&mut self, rule: ResidualRoulette) {
+        self.watched.get_or_insert(rule);
+    }
+
+    /// Adds what debug layers show to `makeup`.
+    pub fn tell(&self, makeup: &mut Makeup) {
+        [makeup.pairs, makeup.certain, makeup.floored] = [self.pairs, self.certain, self.floored].map(|n| n as f32);
+        if let Some(rule) = self.watched {
+            (makeup.watched, makeup.selection, makeup.prediction, makeup.check) = (1.0, rule.pi, rule.q, rule.u);
+        }
     }
 
     /// The counts.

@@ -1,0 +1,78 @@
+//! The virtual lights of a pass, and what belongs to them: hierarchy, visibility cache, ranges.
+//!
+//! Interleaved sampling (Keller & Heidrich 2001): with n x n classes of film positions, (x mod n, y mod n), each class has lights of its own, n^2 times
+//! fewer; photons, rays of the caches and memory of a pass stay the same, sums get n^2 times shorter. Every class has the right mean, so
+//! that the pattern fades as passes go on.
+
+use super::ManyLightSettings;
+use crate::math::{Price, Vec2};
+use crate::transport::World;
+use crate::transport::strategies::{Strategy, culling};
+use crate::transport::visibility::{ShadingClusters, VisibilityCache};
+use crate::transport::vpl::{Area, VplSource, Vpls};
+use crate::transport::vpl_tree::VplTree;
+
+/// The lights of one class of film positions.
+#[derive(Debug, Default)]
+pub struct PassLights {
+    pub vpls: Vpls,
+    pub tree: VplTree,
+    pub cache: Option<VisibilityCache>,
+    pub ranges: Vec<f32>,
+}
+
+impl PassLights {
+    /// Lights by the number `run` of the source's sequence.
+    pub fn new(
+        world: World,
+        source: &VplSource,
+        clusters: &ShadingClusters,
+        settings: &ManyLightSettings,
+        run: u64,
+    ) -> Self {
+        let area = match settings.area {
+            0.0 => Area::One(0.0),
+            a if settings.compensate => Area::One(a * source.mean_area()),
+            a => Area::Own(a),
+        };
+        let mut vpls = source.lights(area, run);
+        let mut tree = VplTree::build(&mut vpls);
+        let strategy = settings.strategy.strategy;
+        let cache = strategy.needs_cache().then(|| VisibilityCache::build(world, clusters, &vpls, settings.seed, run));
+        if let (Some(cache), Strategy::Joint) = (&cache, strategy) {
+            tree.count_visible(cache);
+        }
+        PassLights { vpls, tree, cache, ranges: Vec::new() }
+    }
+
+    /// Random ranges for `culling` with this price; `key` decides.
+    pub fn set_ranges(&mut self, settings: &ManyLightSettings, price: &Price, key: u64) {
+        if settings.strategy.strategy == Strategy::Culling {
+            let two_epsilon = culling::two_epsilon(settings.strategy.epsilon, price);
+            self.ranges = culling::ranges(&self.vpls, two_epsilon, key);
+            self.tree.set_ranges(&self.ranges);
+        }
+    }
+}
+
+/// Class of a film position among n x n.
+pub fn class(film: Vec2, n: u32) -> usize {
+    // Filters reach beyond the film.
+    let of = |x: f32| (x.floor() as i64).rem_euclid(i64::from(n)) as usize;
+    of(film.x) + n as usize * of(film.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbouring_pixels_have_classes_of_their_own() {
+        let of = |x: f32, y: f32| class(Vec2::new(x, y), 3);
+        let mut all: Vec<usize> = (0..9).map(|i| of(6.5 + (i % 3) as f32, 4.1 + (i / 3) as f32)).collect();
+        all.sort_unstable();
+        assert_eq!(all, (0..9).collect::<Vec<_>>());
+        assert_eq!(of(-0.5, 0.5), of(2.5, 0.5));
+        assert_eq!(class(Vec2::new(17.2, 3.9), 1), 0);
+    }
+}
