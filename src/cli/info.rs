@@ -2,8 +2,8 @@
 
 use super::Failure;
 use super::checks::idle_lamps;
+use super::flags::IntegratorChoice;
 use super::load::{SceneArgs, filter_name};
-use super::render::IntegratorChoice;
 use super::session;
 use crate::scene::{Geometry, Scene};
 use std::collections::BTreeMap;

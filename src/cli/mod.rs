@@ -7,6 +7,7 @@ mod checks;
 mod compare;
 mod debug_files;
 mod edges;
+mod flags;
 mod info;
 mod load;
 mod metric;

@@ -1,10 +1,11 @@
 //! The pieces of a render that `render` and `compare` share: from flags to a scene, an integrator, limits and references.
 
 use super::Failure;
+use super::flags::{IntegratorChoice, KernelChoice, Part};
 use super::load::{crop_film, scale_film};
 use super::options;
 use super::output::Aov;
-use super::render::{IntegratorChoice, KernelChoice, Part, RenderArgs};
+use super::render::RenderArgs;
 use crate::formats::Loaded;
 use crate::image::metrics::Reference;
 use crate::image::{Window, read_image};

@@ -21,6 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const REFERENCE_SHARE: f64 = 0.2;
 
 /// Where the reference comes from.
+#[derive(Clone)]
 pub enum ReferenceFrom {
     /// One picture or two halves.
     Files(Vec<PathBuf>),

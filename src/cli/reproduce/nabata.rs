@@ -4,6 +4,7 @@
 //!         `exact` with the same lights and samples (conditional), error against paths (total), share of pairs at the clamps
 //! Own     strategies whose cost does not grow with the number of lights, with more of them: the efficiency of `veach` and `nabata`,
 //!         total error^2 x time, does not depend on their number, since both parts of the product do, in opposite ways; the table shows it
+//! Caches  error of `nabata` against the number of cache points
 //! Gains   total error^2 (relMSE against a path-traced reference, free of its noise) x CPU time of one strategy over that of `joint`, each with
 //!         its best number of lights; the median over the scenes
 //!
@@ -17,6 +18,7 @@ use crate::math::Rgb;
 use crate::math::stats::normal_p;
 use crate::report::comparison::Summary;
 use crate::report::table::{NOTHING, Table, error};
+use serde_json::json;
 use std::path::Path;
 
 /// Name, file, and the factor that makes its picture about 192 pixels wide.
@@ -44,6 +46,10 @@ const OWN: [(&str, &str, u32, u32); 8] = [
     ("joint, 4096 lights", "joint", 4096, 32),
     ("joint, 16384 lights", "joint", 16_384, 32),
 ];
+/// The experiment with more and more cache points (the paper: no better beyond about 2,000), in the first of the scenes.
+const CACHES: &str = "cache points";
+/// Its configurations: cache points.
+const COUNTS: [(&str, u32); 6] = [("16", 16), ("64", 64), ("256", 256), ("1024", 1024), ("2048", 2048), ("4096", 4096)];
 /// What the paper reports: rays saved by its method and by Veach's, its speed-up over all rays.
 const PAPER: [(&str, f64, f64, f64); 4] = [
     ("San Miguel", 0.88, 0.64, 2.60),
@@ -61,7 +67,7 @@ const DOUBTS: [&str; 2] = [
 
 /// The experiments, and reasons for those that cannot be run.
 pub fn experiments(args: &ReproduceArgs) -> (Vec<Experiment>, Vec<(&'static str, String)>) {
-    let (mut ready, mut missing) = (Vec::new(), Vec::new());
+    let (mut ready, mut missing, mut curve) = (Vec::new(), Vec::new(), None);
     for (name, file, scale) in SCENES {
         if !Path::new(file).exists() {
             missing.push((name, format!("{file} is not there")));
@@ -72,6 +78,22 @@ pub fn experiments(args: &ReproduceArgs) -> (Vec<Experiment>, Vec<(&'static str,
         let flags = |strategy: &str, lights: u32, cache: u32| {
             format!("{common} --strategy {strategy} --vpls {lights} --cache-points {cache}")
         };
+        let reference = ReferenceFrom::Rendered {
+            flags: format!("--scale {scale} --integrator photon --indirect gather --aa off --only indirect"),
+            budget: Budget::Time(args.budget.saturating_mul(2)),
+        };
+        if name == SCENES[0].0 {
+            let exact = (EXACT, flags(EXACT, LIGHTS, CACHE));
+            let counts = COUNTS.iter().map(|&(name, n)| (name, flags("nabata", LIGHTS, n)));
+            curve = Some(Experiment {
+                name: CACHES,
+                scene: file.into(),
+                configs: std::iter::once(exact).chain(counts).collect(),
+                budget: Budget::Passes(2),
+                seeds: args.seeds,
+                reference: reference.clone(),
+            });
+        }
         let equal = EQUAL.iter().map(|&s| (s, flags(s, LIGHTS, CACHE)));
         let own = OWN.iter().map(|&(name, s, lights, cache)| (name, flags(s, lights, cache)));
         ready.push(Experiment {
@@ -80,26 +102,32 @@ pub fn experiments(args: &ReproduceArgs) -> (Vec<Experiment>, Vec<(&'static str,
             configs: equal.chain(own).collect(),
             budget: Budget::Passes(2),
             seeds: args.seeds,
-            reference: ReferenceFrom::Rendered {
-                flags: format!("--scale {scale} --integrator photon --indirect gather --aa off --only indirect"),
-                budget: Budget::Time(args.budget.saturating_mul(2)),
-            },
+            reference,
         });
     }
+    ready.extend(curve);
     (ready, missing)
 }
 
 /// Tables and figures.
 pub fn findings(outcomes: &Outcomes) -> Findings {
     let mut tables = vec![("The paper".to_string(), paper_table())];
-    let scenes: Vec<Scene> = outcomes.0.iter().map(Scene::new).collect();
+    let scenes: Vec<Scene> = outcomes.0.iter().filter(|o| o.name != CACHES).map(Scene::new).collect();
     tables.extend(
         scenes.iter().map(|s| (format!("{}, only light that virtual lights bring", s.outcome.name), s.table())),
     );
     tables.push(("Total error^2 x time over that of joint, best number of lights each".into(), gain_table(&scenes)));
     let saved = |name: &str| median(scenes.iter().filter_map(|s| s.saved(name)).collect());
     let gain = |name: &str| median(scenes.iter().filter_map(|s| s.gain(name)).collect());
+    let caches: Vec<CacheError> = outcomes.0.iter().filter(|o| o.name == CACHES).flat_map(cache_errors).collect();
+    if !caches.is_empty() {
+        let title = format!("nabata against the number of cache points, {}, {LIGHTS} lights", SCENES[0].0);
+        tables.push((title, cache_table(&caches)));
+    }
+    let last = |of: fn(&CacheError) -> f64| caches.iter().rev().take(2).map(of).collect::<Vec<_>>();
+    let flat = Some(last(|c| c.to_exact)).filter(|l| l.len() == 2 && l[1] > 0.0).map(|l| l[0] / l[1]);
     let figures = vec![
+        ("error_4096_over_2048_cache_points", flat),
         ("nabata_saved_rays", saved("nabata")),
         ("veach_saved_rays", saved("veach")),
         ("joint_saved_rays", saved("joint")),
@@ -109,7 +137,47 @@ pub fn findings(outcomes: &Outcomes) -> Findings {
         ("joint_gain_over_hierarchical", gain("hierarchical")),
         ("joint_gain_over_exact", gain(EXACT)),
     ];
-    Findings { tables, doubts: DOUBTS.to_vec(), figures, ..Findings::default() }
+    let curves = vec![("cache_points", json!(caches))];
+    Findings { tables, doubts: DOUBTS.to_vec(), figures, curves, ..Findings::default() }
+}
+
+/// What so many cache points give.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+struct CacheError {
+    /// Cache points.
+    cache_points: u32,
+    /// Shadow rays per point, without those of the cache.
+    rays: f64,
+    /// relMSE against `exact` with the same lights and samples.
+    to_exact: f64,
+    /// relMSE against paths.
+    to_paths: f64,
+    /// CPU seconds.
+    cpu_seconds: f64,
+}
+
+fn cache_errors(outcome: &Outcome) -> Vec<CacheError> {
+    let scene = Scene::new(outcome);
+    let one = |&(name, cache_points): &(&str, u32)| {
+        let s = scene.get(name)?;
+        Some(CacheError {
+            cache_points,
+            rays: s.counts.many_light.shadow_rays as f64 / s.counts.many_light.points.max(1) as f64,
+            to_exact: scene.conditional(name)?.0,
+            to_paths: s.relmse.mean,
+            cpu_seconds: s.cpu_seconds.mean,
+        })
+    };
+    COUNTS.iter().filter_map(one).collect()
+}
+
+fn cache_table(rows: &[CacheError]) -> Table {
+    let header = ["cache points", "rays", "relMSE to exact", "relMSE to paths", "CPU s"].map(String::from).to_vec();
+    let row = |c: &CacheError| {
+        let (rays, seconds) = (format!("{:.1}", c.rays), format!("{:.2}", c.cpu_seconds));
+        vec![c.cache_points.to_string(), rays, error(c.to_exact), error(c.to_paths), seconds]
+    };
+    Table { header, rows: rows.iter().map(row).collect() }
 }
 
 fn paper_table() -> Table {
@@ -287,7 +355,8 @@ mod tests {
         }
         let args = Wrapper::parse_from(["reproduce", "nabata"]).args;
         let (ready, missing) = experiments(&args);
-        assert_eq!(ready.len() + missing.len(), SCENES.len());
+        // And the curve of cache points.
+        assert_eq!(ready.len() + missing.len(), SCENES.len() + 1);
         assert!(ready.iter().any(|e| e.name == "cornell-box"));
         assert!(missing.iter().all(|(_, reason)| reason.contains("not there")));
     }
