@@ -11,7 +11,7 @@ use dualux::accel::Accel;
 use dualux::integrators::many_light::{ManyLight, ManyLightSettings};
 use dualux::integrators::path::PathSettings;
 use dualux::integrators::photon::Parts;
-use dualux::math::{DMat4, DVec3};
+use dualux::math::{DMat4, DVec3, Rgb};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
 use dualux::scene::{Description, Material, Scalar, Scene};
@@ -107,6 +107,51 @@ fn interleaved_lights_have_the_same_mean() {
         let share = lights(interleaved) / lights(ManyLightSettings { interleave: 1, ..interleaved });
         assert!((0.08..0.15).contains(&share), "{share}");
     }
+}
+
+/// The room with a lamp of each kind, and a ball that is both diffuse and glossy.
+fn lamps() -> Description {
+    room(&|scene| {
+        let coated = Material::RoughPlastic {
+            eta: 1.5,
+            diffuse_reflectance: grey(0.5),
+            specular_reflectance: grey(1.0),
+            nonlinear: false,
+            roughness: rough(0.2),
+        };
+        let coated = material(scene, coated);
+        let ball = GeometryDesc::Sphere { center: DVec3::new(0.3, -0.6, -0.2), radius: 0.3 };
+        shape(scene, ball, DMat4::IDENTITY, coated, None);
+        let black = diffuse(scene, 0.0);
+        let lamp = GeometryDesc::Sphere { center: DVec3::new(-0.6, 0.2, -0.6), radius: 0.1 };
+        shape(scene, lamp, DMat4::IDENTITY, black, Some(20.0));
+        let position = DVec3::new(0.6, 0.3, 0.3);
+        scene.lights.push(LightDesc::Point { position, intensity: Rgb::splat(0.4) });
+        scene.lights.push(LightDesc::Directional { direction: DVec3::Z, irradiance: Rgb::ONE });
+    })
+}
+
+#[test]
+fn lights_on_emitters_agree_with_path() {
+    let (b, b_error) = path_mean(4, 256, &lamps, PathSettings::default());
+    for (strategy, area) in [(Strategy::Exact, 0.02), (Strategy::Joint, 8.0), (Strategy::Residual, 0.02)] {
+        let settings = ManyLightSettings { emitter_vpls: 200, area, ..settings(strategy) };
+        let (a, a_error) = many_mean(8, 16, &lamps, settings);
+        let error = a_error.hypot(b_error);
+        assert!(error < 0.02 * b, "{strategy:?}: the test has no power, error {error} of {b}");
+        assert!((a - b).abs() < LIMIT * error, "{strategy:?}: {a} +- {a_error}, path {b} +- {b_error}");
+    }
+    // Direct light alone, and all of a path of two segments.
+    let settings = ManyLightSettings { emitter_vpls: 200, ..settings(Strategy::Joint) };
+    let depth = |max_depth| PathSettings { max_depth: Some(max_depth), ..PathSettings::default() };
+    let (b, b_error) = path_mean(4, 128, &lamps, depth(2));
+    let (a, a_error) = many_mean(8, 16, &lamps, ManyLightSettings { path: depth(2), ..settings });
+    assert!((a - b).abs() < LIMIT * a_error.hypot(b_error), "{a} +- {a_error}, path {b} +- {b_error}");
+    let shadow_rays = |emitter_vpls| {
+        let s = ManyLightSettings { emitter_vpls, ..settings };
+        render_many(lamps(), s, 1, 1).counts.direct.shadow_rays
+    };
+    assert!(shadow_rays(200) < shadow_rays(0), "lamps are sampled for glossy surfaces only");
 }
 
 #[test]

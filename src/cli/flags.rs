@@ -73,6 +73,10 @@ pub struct ManyLightArgs {
     /// Virtual lights per pass, about; K and M suffixes are understood [default: one for 64 pixels, 1024 to 16384].
     #[arg(long, value_name = "N", value_parser = options::positive)]
     pub vpls: Option<u64>,
+    /// Put virtual lights on lamps as well, about so many in a pass, and on point lights: diffuse surfaces get direct light from them in place
+    /// of light sampling; for thousands of lamps [default: 0].
+    #[arg(long, value_name = "N", value_parser = options::count)]
+    pub emitter_vpls: Option<u64>,
     /// Cache points of visibility [default: 32].
     #[arg(long, value_name = "N", value_parser = options::positive)]
     pub cache_points: Option<u64>,

@@ -127,6 +127,7 @@ fn many_light_settings(args: &RenderArgs, scene: &Scene) -> ManyLightSettings {
             epsilon: flags.epsilon.map(|e| (e as f32).max(1e-20)),
         },
         vpls: flags.vpls.map(|n| n as usize),
+        emitter_vpls: flags.emitter_vpls.map_or(default.emitter_vpls, |n| n as usize),
         cache_points: flags.cache_points.map_or(default.cache_points, |n| n as usize),
         compensate: !flags.no_compensation,
         area: flags.vpl_area.map_or(default.area, |a| a as f32),

@@ -175,6 +175,31 @@ impl<'a> Source<'a> {
         sound.then_some(start)
     }
 
+    /// Area of a lamp's surface, world units squared; 0 for others.
+    pub fn surface_area(&self) -> f64 {
+        match &self.kind {
+            Kind::Lamp(lamp) => lamp.area(),
+            Kind::Ball(ball) => 4.0 * PI * ball.radius * ball.radius,
+            Kind::Infinity(_) | Kind::Delta(_) => 0.0,
+        }
+    }
+
+    /// The point of a lamp's surface for the numbers `u`, uniform by area (textured lamps: by their table): it, the unit normal on the side that
+    /// emits, and radiance over the density per area, W/sr along the normal. `None` for other lights and where nothing is emitted.
+    pub fn surface_point(&self, u: [f64; 2]) -> Option<(Vec3, Vec3, Rgb)> {
+        let (u, drawn, scale) = match &self.kind {
+            Kind::Lamp(_) => {
+                let along = Mapped { at: DVec3::Z, by: [DVec3::ZERO; 2] };
+                (u, Drawn { w: along, per_pdf: PI }, 1.0)
+            }
+            // Beams through the middle of the disk across them leave along the normal.
+            Kind::Ball(_) => ([0.5; 2], Drawn { w: warp::sphere(u), per_pdf: 2.0 * TAU }, 4.0),
+            Kind::Infinity(_) | Kind::Delta(_) => return None,
+        };
+        let start = self.start(u, &drawn)?;
+        Some((start.o, start.d.as_vec3(), start.value * scale))
+    }
+
     /// The natural ray for numbers u0, u1, v0, v1 in [0, 1), and the flux that it carries if it is the only one.
     pub fn emit(&self, u: [f64; MOST_PARAMETERS]) -> Option<(Start, Rgb)> {
         let drawn = self.direction([u[2], u[3]]);

@@ -17,7 +17,7 @@ use super::allocate::{
 };
 use super::source::{Kind, Source, Start};
 use super::{EmissionDensity, EmittedRay, MOST_PARAMETERS};
-use crate::math::sampler::hash;
+use crate::math::sampler::{hash, unit_f64};
 use crate::math::{DVec3, Sampler};
 use crate::scene::Scene;
 
@@ -56,7 +56,7 @@ struct Stratum {
 /// Four numbers in [0, 1) with 48 bits, of which the upper 24 may be those of a sequence.
 pub(super) fn numbers(sequence: Sequence, seed: u64, stream: u64, index: u64) -> [f64; 4] {
     let key = hash(hash(seed, stream), index);
-    let word = |k: u64| (hash(key, k) >> 11) as f64 * 2f64.powi(-53);
+    let word = |k: u64| unit_f64(hash(key, k));
     match sequence {
         Sequence::Random => [word(1), word(2), word(3), word(4)],
         Sequence::OwenSobol => {

@@ -24,6 +24,11 @@ pub fn hash(a: u64, b: u64) -> u64 {
     x ^ (x >> 31)
 }
 
+/// The upper 53 bits of a word as a float in [0, 1).
+pub fn unit_f64(x: u64) -> f64 {
+    (x >> 11) as f64 * 2f64.powi(-53)
+}
+
 /// The upper 24 bits of a word as a float in [0, 1).
 pub fn unit_f32(x: u64) -> f32 {
     two_units(x)[0]

@@ -195,6 +195,12 @@ struct Chosen {
 impl<'a> Direct<'a> {
     /// Direct light in `world`; builds a light tree if `world` has none.
     pub fn new(world: World<'a>, settings: DirectSettings) -> Self {
+        let tree = world.lights.map_or_else(|| Cow::Owned(LightTree::new(world.scene)), Cow::Borrowed);
+        Direct::with_tree(world, tree, settings)
+    }
+
+    /// Direct light from the lights of `tree` alone.
+    pub fn with_tree(world: World<'a>, tree: Cow<'a, LightTree>, settings: DirectSettings) -> Self {
         let settings = DirectSettings {
             samples: settings.samples.clamp(1, 1 << 12),
             max_lights: settings.max_lights.clamp(1, MOST_LIGHTS as u32),
@@ -205,7 +211,6 @@ impl<'a> Direct<'a> {
             LightSampling::Adaptive => whole_lamps(&detector),
             _ => Vec::new(),
         };
-        let tree = world.lights.map_or_else(|| Cow::Owned(LightTree::new(world.scene)), Cow::Borrowed);
         Direct { world, detector, tree, settings, lamps }
     }
 

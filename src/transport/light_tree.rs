@@ -83,10 +83,15 @@ impl Infinite {
 impl LightTree {
     /// The tree of a scene's lights.
     pub fn new(scene: &Scene) -> Self {
+        LightTree::of(scene, |_| true)
+    }
+
+    /// The tree of those emitters that `wanted` names, and of the environment.
+    pub fn of(scene: &Scene, wanted: impl Fn(u32) -> bool) -> Self {
         let lights = &scene.lights;
         let mut tree = LightTree { leaf: vec![None; lights.emitter_count()], ..LightTree::default() };
         let mut finite = Vec::new();
-        for i in 0..lights.emitter_count() as u32 {
+        for i in (0..lights.emitter_count() as u32).filter(|&i| wanted(i)) {
             if let Some(bounds) = lights.emitter_bounds(&scene.shapes, i) {
                 if bounds.intensity > 0.0 && bounds.bounds.0.is_finite() && bounds.bounds.1.is_finite() {
                     finite.push((Bounds::of(&bounds), i));

@@ -25,6 +25,7 @@ pub mod cache_record;
 mod cache_settings;
 pub mod differential;
 pub mod direct;
+pub mod emitter_vpls;
 pub mod fingerprint;
 pub mod footprint_kernel;
 pub mod gather_cache;

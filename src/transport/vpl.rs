@@ -34,6 +34,8 @@ const TRIAL_PASS: u64 = 1 << 40;
 const LARGEST: f32 = 0.01;
 /// The light's material is a plain Lambertian one.
 const LAMBERT: u32 = u32::MAX;
+/// The light is a point that sends the same in all directions.
+const ISOTROPIC: u32 = u32::MAX - 1;
 
 /// A virtual point light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +55,7 @@ pub struct Vpl {
     pub segments: u32,
     /// Intensity along the normal (W/sr) of a Lambertian light; flux of another one.
     pub power: Rgb,
-    /// Index into `materials`, or [`LAMBERT`].
+    /// Index into `materials`, [`LAMBERT`] or [`ISOTROPIC`].
     material: u32,
 }
 
@@ -164,6 +166,16 @@ impl<'a> VplSource<'a> {
 }
 
 impl Vpl {
+    /// A point light at `p` of the intensity `power`: no disc.
+    pub fn isotropic(p: Vec3, power: Rgb) -> Self {
+        Vpl { segments: 0, material: ISOTROPIC, ..Vpl::lambertian(p, Vec3::Z, power, 0.0) }
+    }
+
+    /// Whether it sends light to all sides.
+    pub fn is_isotropic(&self) -> bool {
+        self.material == ISOTROPIC
+    }
+
     /// A Lambertian light at `p` with the unit normal `n` and the intensity `power` along it; `radius2`: A / pi.
     pub fn lambertian(p: Vec3, n: Vec3, power: Rgb, radius2: f32) -> Self {
         Vpl { p, radius2, n, strength: mean(power), n_shade: n, segments: 1, power, material: LAMBERT }
@@ -179,6 +191,9 @@ impl Vpls {
     /// Intensity times G' in the unnormalised direction `d` from the light, of squared length `d2`: irradiance across the direction at its end, W/m^2.
     #[inline]
     pub fn arriving(&self, light: &Vpl, d: Vec3, d2: f32) -> Rgb {
+        if light.material == ISOTROPIC {
+            return light.power / d2;
+        }
         let cos = light.n.dot(d);
         if cos <= 0.0 || light.n_shade.dot(d) <= 0.0 {
             return Rgb::ZERO;

@@ -222,7 +222,8 @@ fn leaf(lights: &[Vpl], list: &[u32], first: usize) -> Node {
         sum += l.n;
     }
     let axis = sum.try_normalize().unwrap_or(Vec3::Z);
-    let cos = list.iter().map(|&i| lights[i as usize].n.dot(axis)).fold(1.0, f32::min);
+    let turned = |l: &Vpl| if l.is_isotropic() { -1.0 } else { l.n.dot(axis) };
+    let cos = list.iter().map(|&i| turned(&lights[i as usize])).fold(1.0, f32::min);
     let half = 0.5 * (hi - lo);
     let mut node = Node {
         centre: lo + half,

@@ -3,7 +3,7 @@
 //! What counts where. A material is a diffuse part d and a rest r (Dirac and glossy lobes, coats); a path is written from the eye; x and y are
 //! neighbouring vertices, r their distance, c(r) the share that virtual lights leave out ([`left_out`]).
 //!
-//!   d at x, light straight from an emitter           light sampling alone
+//!   d at x, light straight from an emitter           light sampling alone; or virtual lights on it, c(r) by a short path that meets it
 //!   d at x, light by nearly specular scatterings     the caustic photons: L S+ d
 //!   d at x, light scattered by d at y                virtual lights at y; c(r) of it by a short path from x to y
 //!   d at x, light scattered by r at y, all else      the path goes on from x to y, where it goes on from r only
@@ -35,6 +35,8 @@ pub struct Eye<'a> {
     pub world: World<'a>,
     pub settings: &'a ManyLightSettings,
     pub direct: &'a Direct<'a>,
+    /// Where virtual lights lie on emitters: the others, which diffuse parts get from light sampling.
+    pub rest_of_lights: Option<&'a Direct<'a>>,
     /// Caustic photons, `None` if paths are to find caustics.
     pub caustics: Option<&'a CausticMap>,
     /// Virtual lights of this pass.
@@ -52,8 +54,9 @@ enum Came {
     Plain,
     /// From a glossy lobe: light sampling could have found the emitter.
     Glossy { from: Vantage, pdf_dir: f32 },
-    /// From a diffuse part: emitters and diffuse parts are counted there, but for the share c. `short`: that has been paid by the ray's length.
-    Diffuse { short: bool },
+    /// From a diffuse part: emitters and diffuse parts are counted there, but for the share c. `short`: that has been paid by the ray's length;
+    /// `shown`: whether light straight from emitters is.
+    Diffuse { short: bool, shown: bool },
     /// By nearly specular surfaces from a diffuse part.
     Covered,
 }
@@ -140,7 +143,7 @@ impl Eye<'_> {
         let Some(hit) = self.world.accel.closest(&b.ray) else {
             if emitters_seen && self.shows(&b) && b.ray.tmax == f32::INFINITY {
                 let emitted = scene.lights.environment(scene.textures(), b.ray.d);
-                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Environment(b.ray.d));
+                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Environment(b.ray.d), f32::INFINITY);
             }
             return;
         };
@@ -155,10 +158,14 @@ impl Eye<'_> {
             }
             return;
         }
-        if is_emitter && self.shows(&b) {
+        let shown = match b.came {
+            Came::Diffuse { shown, .. } => shown,
+            _ => self.shows(&b),
+        };
+        if is_emitter && shown {
             let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
             if emitted != Rgb::ZERO {
-                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Lamp(&at));
+                sample.radiance += b.throughput * emitted * self.weight(&b, Found::Lamp(&at), b.travelled + hit.t);
             }
         }
         let bsdf = self.world.bsdf(&at, wo);
@@ -185,19 +192,24 @@ impl Eye<'_> {
         self.go_on(b, &end, sample);
     }
 
-    /// Weight of an emitter that a ray meets.
-    fn weight(&self, b: &Branch, found: Found) -> f32 {
+    /// Weight of an emitter that a ray meets, `travelled` from the last scattering.
+    fn weight(&self, b: &Branch, found: Found, travelled: f32) -> f32 {
         match &b.came {
             Came::Plain => 1.0,
             Came::Glossy { from, pdf_dir } => self.direct.weight_of_scattered(from, *pdf_dir, found),
-            Came::Diffuse { .. } | Came::Covered => 0.0,
+            Came::Diffuse { short, .. } => match (self.rest_of_lights, found) {
+                (Some(_), Found::Lamp(_)) if *short => 1.0,
+                (Some(_), Found::Lamp(_)) => left_out(travelled * travelled, self.radius2),
+                _ => 0.0,
+            },
+            Came::Covered => 0.0,
         }
     }
 
     /// Whether the diffuse part where the ray ended counts: not what virtual lights have brought already.
     fn counts_diffuse(&self, b: &Branch, sample: &mut Sample) -> bool {
         match b.came {
-            Came::Diffuse { short: false } => {
+            Came::Diffuse { short: false, .. } => {
                 let [u, ..] = sample.rng.next_4d();
                 u < left_out(b.travelled * b.travelled, self.radius2)
             }
@@ -218,15 +230,14 @@ impl Eye<'_> {
         let parts = self.settings.parts;
         let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
         if (diffuse.is_some() || sampled.is_some()) && self.shows(b) {
-            let light = self.direct.radiance(
-                at,
-                diffuse,
-                sampled,
-                wo,
-                stage(b.blurred, b.depth),
-                sample.rng,
-                &mut sample.counts.direct,
-            );
+            let stage = stage(b.blurred, b.depth);
+            let mut light = |direct: &Direct, diffuse, sampled| {
+                direct.radiance(at, diffuse, sampled, wo, stage, sample.rng, &mut sample.counts.direct)
+            };
+            let light = match self.rest_of_lights {
+                Some(rest) => light(rest, diffuse, None) + light(self.direct, None, sampled),
+                None => light(self.direct, diffuse, sampled),
+            };
             sample.radiance += b.throughput * light;
         }
         let Some(diffuse) = diffuse else { return };
@@ -234,8 +245,10 @@ impl Eye<'_> {
         if let Some(map) = self.caustics.filter(|_| if b.indirect { parts.indirect } else { parts.caustic }) {
             sample.radiance += b.throughput * map.radiance_within(at, diffuse, wo, most);
         }
-        if let Some(lights) = self.lights.as_ref().filter(|_| parts.indirect) {
-            let r = Receiver::new(at, diffuse, wo, b.throughput, most.saturating_sub(1), b.depth + 1 + b.passed);
+        // Lights on emitters count as direct light here, those of photons as indirect.
+        let segments = [u32::from(!self.shows(b)), if parts.indirect { most.saturating_sub(1) } else { 0 }];
+        if let Some(lights) = self.lights.as_ref().filter(|_| segments[0] <= segments[1]) {
+            let r = Receiver::new(at, diffuse, wo, b.throughput, segments, b.depth + 1 + b.passed);
             sample.radiance += lights.sum(&r, sample.rng, &mut sample.tally);
             let watched = self.settings.watched.filter(|_| !b.indirect);
             if let Some(rule) = watched.and_then(|light| lights.rule(&r, light as usize)) {
@@ -247,7 +260,9 @@ impl Eye<'_> {
     /// Sends rays on from the surface: from the diffuse part towards what virtual lights leave out, and from `rest`.
     fn go_on(&self, b: Branch, end: &End, sample: &mut Sample) {
         let [ux, uy, mut u_lobe, u_roulette] = sample.rng.next_4d();
-        let wanted = self.settings.parts.indirect && (self.has_rest || self.radius2 > 0.0);
+        let lit = self.rest_of_lights.is_some() && self.shows(&b);
+        let wanted =
+            (self.settings.parts.indirect && (self.has_rest || self.radius2 > 0.0)) || (lit && self.radius2 > 0.0);
         let crowded = is_crowded(b.blurred, sample.waiting.len());
         let mut shares = [1.0; 2];
         let (mut diffuse, mut rest) = (end.diffuse.filter(|_| wanted), end.rest);
@@ -259,7 +274,8 @@ impl Eye<'_> {
         }
         let u = Vec2::new(ux, uy);
         if let Some(s) = diffuse.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
-            self.push(&b, end, &s, (shares[0], u_roulette), Came::Diffuse { short: !self.has_rest }, sample);
+            let came = Came::Diffuse { short: !self.has_rest, shown: lit };
+            self.push(&b, end, &s, (shares[0], u_roulette), came, sample);
         }
         let Some(rest) = rest else { return };
         for s in &directions(rest, end.wo, (u_lobe, u), crowded) {
@@ -270,7 +286,8 @@ impl Eye<'_> {
                 LobeKind::Specular => Came::Plain,
                 _ if self.is_covered(&b.came, rest) => Came::Covered,
                 _ => {
-                    let from = Vantage::new(end.at, end.diffuse, end.rest, stage(b.blurred, b.depth));
+                    let diffuse = end.diffuse.filter(|_| self.rest_of_lights.is_none());
+                    let from = Vantage::new(end.at, diffuse, end.rest, stage(b.blurred, b.depth));
                     Came::Glossy { from, pdf_dir: s.pdf_dir }
                 }
             };
@@ -295,7 +312,7 @@ impl Eye<'_> {
         let reach = match came {
             // What is left of a short ray behind a surface that it passes.
             _ if straight => b.ray.tmax - end.t,
-            Came::Diffuse { short: true } => {
+            Came::Diffuse { short: true, .. } => {
                 let [u, ..] = sample.rng.next_4d();
                 (self.radius2 * (1.0 / u.max(f32::MIN_POSITIVE) - 1.0)).sqrt()
             }

@@ -7,10 +7,56 @@
 use super::ManyLightSettings;
 use crate::math::{Price, Vec2};
 use crate::transport::World;
+use crate::transport::emitter_vpls::EmitterVpls;
 use crate::transport::strategies::{Strategy, culling};
 use crate::transport::visibility::{ShadingClusters, VisibilityCache};
 use crate::transport::vpl::{Area, VplSource, Vpls};
 use crate::transport::vpl_tree::VplTree;
+
+/// What virtual lights are made from.
+#[derive(Debug, Default)]
+pub struct Sources<'a> {
+    /// Photons.
+    pub photons: Option<VplSource<'a>>,
+    /// Lamps and point lights.
+    pub emitters: Option<EmitterVpls<'a>>,
+}
+
+impl<'a> Sources<'a> {
+    /// For `wanted` lights from photons in each class of film positions.
+    pub fn new(world: World<'a>, wanted: usize, settings: &ManyLightSettings) -> Self {
+        let (path, parts) = (settings.path, settings.parts);
+        let photons = (parts.indirect)
+            .then(|| VplSource::new(world, wanted, path.max_depth, path.rr_depth, settings.seed))
+            .flatten();
+        let shown = settings.emitter_vpls > 0 && path.max_depth.is_none_or(|d| d > 1);
+        let count = settings.emitter_vpls.div_ceil((settings.interleave * settings.interleave) as usize);
+        let emitters = shown.then(|| EmitterVpls::new(world.scene, count, settings.seed)).flatten();
+        Sources { photons, emitters }
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.photons.is_none() && self.emitters.is_none()
+    }
+
+    /// An area like those that the lights stand for, the same for every pass.
+    pub fn mean_area(&self) -> f32 {
+        let of_emitters = || self.emitters.as_ref().map_or(0.0, EmitterVpls::mean_area);
+        self.photons.as_ref().map_or_else(of_emitters, VplSource::mean_area)
+    }
+
+    fn lights(&self, settings: &ManyLightSettings, run: u64) -> Vpls {
+        let area = match settings.area {
+            0.0 => Area::One(0.0),
+            a if settings.compensate => Area::One(a * self.mean_area()),
+            a => Area::Own(a),
+        };
+        let mut vpls = self.photons.as_ref().map_or_else(Vpls::default, |s| s.lights(area, run));
+        vpls.lights.extend(self.emitters.iter().flat_map(|e| e.lights(area, run)));
+        vpls
+    }
+}
 
 /// The lights of one class of film positions.
 #[derive(Debug, Default)]
@@ -22,20 +68,15 @@ pub struct PassLights {
 }
 
 impl PassLights {
-    /// Lights by the number `run` of the source's sequence.
+    /// Lights by the number `run` of the sources' sequences.
     pub fn new(
         world: World,
-        source: &VplSource,
+        sources: &Sources,
         clusters: &ShadingClusters,
         settings: &ManyLightSettings,
         run: u64,
     ) -> Self {
-        let area = match settings.area {
-            0.0 => Area::One(0.0),
-            a if settings.compensate => Area::One(a * source.mean_area()),
-            a => Area::Own(a),
-        };
-        let mut vpls = source.lights(area, run);
+        let mut vpls = sources.lights(settings, run);
         let mut tree = VplTree::build(&mut vpls);
         let strategy = settings.strategy.strategy;
         let cache = strategy.needs_cache().then(|| VisibilityCache::build(world, clusters, &vpls, settings.seed, run));

@@ -18,7 +18,7 @@ mod settings;
 pub use settings::ManyLightSettings;
 
 use self::eye::Eye;
-use self::lights::{PassLights, class};
+use self::lights::{PassLights, Sources, class};
 use self::meter::Meter;
 use super::photon::PhotonSettings;
 use super::photon::caustics::Caustics;
@@ -30,12 +30,15 @@ use crate::math::{Price, Rgb, Sampler, Vec2};
 use crate::scene::camera::CameraRay;
 use crate::scene::material::has_sharp_lobe;
 use crate::transport::direct::Direct;
+use crate::transport::emitter_vpls::EmitterVpls;
+use crate::transport::light_tree::LightTree;
 use crate::transport::strategies::{LOOK, ManyLights};
 use crate::transport::visibility::posterior::Posterior;
 use crate::transport::visibility::{self, ShadingClusters};
-use crate::transport::vpl::{VplSource, write_ply};
+use crate::transport::vpl::write_ply;
 use crate::transport::{CausticMap, World};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::f32::consts::FRAC_1_PI;
 
 /// Pixels per virtual light of a pass if nothing is said, and the bounds of their number.
@@ -62,7 +65,9 @@ pub struct ManyLight<'a> {
     direct: Direct<'a>,
     caustics: Option<Caustics<'a>>,
     map: Option<CausticMap>,
-    source: Option<VplSource<'a>>,
+    sources: Sources<'a>,
+    /// Direct light of diffuse parts by light sampling, where virtual lights bring a part of it.
+    rest_of_lights: Option<Direct<'a>>,
     clusters: ShadingClusters,
     /// By class of film positions; empty without any.
     lights: Vec<PassLights>,
@@ -90,14 +95,13 @@ impl<'a> ManyLight<'a> {
             ..PhotonSettings::default()
         };
         let scene = world.scene;
-        let path = settings.path;
         let wanted = settings.vpls.unwrap_or((pixels / PIXELS_PER_LIGHT).clamp(FEWEST, MOST_LIGHTS));
-        let source = (settings.parts.indirect)
-            .then(|| {
-                VplSource::new(world, wanted.div_ceil(classes(&settings)), path.max_depth, path.rr_depth, settings.seed)
-            })
-            .flatten();
-        let radius2 = source.as_ref().map_or(0.0, VplSource::mean_area) * settings.area * FRAC_1_PI;
+        let sources = Sources::new(world, wanted.div_ceil(classes(&settings)), &settings);
+        let radius2 = sources.mean_area() * settings.area * FRAC_1_PI;
+        let rest_of_lights = sources.emitters.is_some().then(|| {
+            let tree = LightTree::of(scene, |e| !EmitterVpls::takes(scene, e));
+            Direct::with_tree(world, Cow::Owned(tree), settings.direct)
+        });
         ManyLight {
             world,
             settings,
@@ -105,7 +109,8 @@ impl<'a> ManyLight<'a> {
             direct: Direct::new(world, settings.direct),
             caustics: Caustics::new(world, &photon, pixels),
             map: None,
-            source,
+            sources,
+            rest_of_lights,
             clusters: ShadingClusters::default(),
             lights: Vec::new(),
             posterior: Posterior::default(),
@@ -126,9 +131,11 @@ impl<'a> ManyLight<'a> {
     }
 
     fn make_lights(&mut self, pass: u64) {
-        let Some(source) = &self.source else { return };
+        if self.sources.is_empty() {
+            return;
+        }
         let classes = classes(&self.settings) as u64;
-        let one = |k| PassLights::new(self.world, source, &self.clusters, &self.settings, pass * classes + k);
+        let one = |k| PassLights::new(self.world, &self.sources, &self.clusters, &self.settings, pass * classes + k);
         self.lights = (0..classes).map(one).collect();
         for l in &self.lights {
             self.prepared.photons += l.vpls.photons;
@@ -190,6 +197,7 @@ impl<'a> ManyLight<'a> {
             world: self.world,
             settings: &self.settings,
             direct: &self.direct,
+            rest_of_lights: self.rest_of_lights.as_ref(),
             caustics: self.map.as_ref(),
             lights: lights.map(|PassLights { vpls, tree, cache, ranges }| ManyLights {
                 ranges,
@@ -224,7 +232,7 @@ impl Integrator for ManyLight<'_> {
             self.map = Some(caustics.map(pass));
             self.prepared.photons += caustics.emitted();
         }
-        if pass == 0 && self.source.is_some() && self.settings.strategy.strategy.needs_cache() {
+        if pass == 0 && !self.sources.is_empty() && self.settings.strategy.strategy.needs_cache() {
             let pixels = self.window[2] as usize * self.window[3] as usize;
             let spacing = (pixels as f64 / SHADING_POINTS as f64).sqrt().ceil().max(1.0) as u32;
             let points = places(self.world, self.window, spacing, None).iter().map(|p| p.facet).collect();
@@ -291,7 +299,7 @@ impl Integrator for ManyLight<'_> {
     }
 
     fn has_cache_points(&self) -> bool {
-        self.source.is_some() && self.settings.strategy.strategy.needs_cache()
+        !self.sources.is_empty() && self.settings.strategy.strategy.needs_cache()
     }
 
     fn cache_points_ply(&self) -> Option<Vec<u8>> {
@@ -305,7 +313,7 @@ impl Integrator for ManyLight<'_> {
         if let Some(light) = self.settings.watched.filter(|&l| l as usize >= fewest) {
             out.push(format!("the last pass has {fewest} virtual lights; one with the index {light} is none of them"));
         }
-        if self.source.is_none() && self.settings.parts.indirect && !self.world.scene.lights.is_empty() {
+        if self.sources.photons.is_none() && self.settings.parts.indirect && !self.world.scene.lights.is_empty() {
             out.push("no light reaches a diffuse surface within the limit of depth: no virtual light".into());
         }
         out

@@ -16,6 +16,8 @@ pub struct ManyLightSettings {
     pub strategy: StrategySettings,
     /// Virtual lights per pass, about; `None`: one for 64 pixels, from 1024 to 16,384.
     pub vpls: Option<usize>,
+    /// Virtual lights per pass on lamps, beside all point lights: diffuse surfaces then get their light from them; 0: light sampling.
+    pub emitter_vpls: usize,
     /// Cache points.
     pub cache_points: usize,
     /// Whether short paths add what discs in place of points leave out; else corners are darker.
@@ -42,6 +44,7 @@ impl Default for ManyLightSettings {
             direct: DirectSettings::default(),
             strategy: StrategySettings::default(),
             vpls: None,
+            emitter_vpls: 0,
             cache_points: 32,
             compensate: true,
             area: 0.02,

@@ -314,6 +314,14 @@ impl Lights {
         }
     }
 
+    /// Whether the emitter is a point light.
+    pub fn is_point(&self, emitter: u32) -> bool {
+        match self.emitters[emitter as usize].source {
+            Source::Delta(k) => matches!(self.deltas[k as usize], DeltaLight::Point { .. }),
+            _ => false,
+        }
+    }
+
     /// Where the emitter is, roughly: lamps by the middle of their bounds.
     pub fn place(&self, shapes: &[Shape], emitter: u32) -> LightPlace {
         match (self.emitter_bounds(shapes, emitter), self.parallel(emitter)) {

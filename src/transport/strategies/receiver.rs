@@ -20,20 +20,20 @@ pub struct Receiver<'a> {
     pub weight: Rgb,
     /// Largest f times the weight, mean of the channels, 1/sr.
     pub reach: f32,
-    /// Most segments of a light's way.
-    pub most_segments: u32,
+    /// Segments of a light's way, least and most: 0 are lights on emitters.
+    pub segments: [u32; 2],
     /// Rays traced from the eye to get here.
     pub eye_rays: u32,
 }
 
 impl<'a> Receiver<'a> {
-    /// The point `at` seen from `wo`, whose light counts `weight` and has `most_segments` segments at most up to the virtual light.
+    /// The point `at` seen from `wo`, whose light counts `weight` and has a number of `segments` within these bounds up to the virtual light.
     pub fn new(
         at: &'a SurfacePoint,
         diffuse: &'a Bsdf,
         wo: Vec3,
         weight: Rgb,
-        most_segments: u32,
+        segments: [u32; 2],
         eye_rays: u32,
     ) -> Self {
         let lambert = diffuse.lambert(wo).map(|(n, albedo)| (n, albedo * weight * FRAC_1_PI));
@@ -49,7 +49,7 @@ impl<'a> Receiver<'a> {
             horizon: lambert.map_or_else(|| diffuse.upper_normal(), |l| Some(l.0)),
             weight,
             reach,
-            most_segments,
+            segments,
             eye_rays,
         }
     }
@@ -59,7 +59,8 @@ impl<'a> Receiver<'a> {
     pub fn tentative(&self, vpls: &Vpls, light: &Vpl) -> Rgb {
         let d = light.p - self.at.p;
         let d2 = d.length_squared();
-        if light.segments > self.most_segments || !(d2 > 0.0) {
+        let [least, most] = self.segments;
+        if light.segments < least || light.segments > most || !(d2 > 0.0) {
             return Rgb::ZERO;
         }
         match self.lambert {

@@ -303,7 +303,7 @@ fn no_light_is_above_the_bounds_of_its_groups() {
         let n = Vec3::new(u(3), u(4), u(5)).normalize();
         (at.n_geo, at.n_shade) = (n, n);
         let bsdf = setting.room.world().bsdf(&at, n);
-        let r = Receiver::new(&at, &bsdf, n, Rgb::ONE, u32::MAX, 1);
+        let r = Receiver::new(&at, &bsdf, n, Rgb::ONE, [0, u32::MAX], 1);
         for node in setting.tree.nodes() {
             let (bound, typical) = node.contribution(at.p, r.horizon, r.reach);
             assert!(typical <= bound && typical >= 0.1 * bound, "{typical} {bound}");

@@ -64,7 +64,7 @@ impl Setting {
     }
 
     pub fn receiver(&self) -> Receiver<'_> {
-        Receiver::new(&self.at, &self.bsdf, Vec3::Y, Rgb::ONE, u32::MAX, 1)
+        Receiver::new(&self.at, &self.bsdf, Vec3::Y, Rgb::ONE, [0, u32::MAX], 1)
     }
 
     pub fn many(&self, strategy: Strategy, lambda: f32) -> ManyLights<'_> {
