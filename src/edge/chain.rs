@@ -18,6 +18,7 @@ use super::{EdgeDetector, Facet, NOTHING, surface};
 use crate::accel::{Hit, Ray as PlainRay};
 use crate::scene::shape::ShapeHit;
 use crate::scene::{Geometry, Material, SurfacePoint};
+use arrayvec::ArrayVec;
 use dualux_dual::{Family, Jet, Ray, Vec3, bounds, face_against, reflect, refract};
 
 /// Segments followed behind a pixel, at most.
@@ -26,6 +27,10 @@ pub const MOST_SEGMENTS: usize = 8;
 /// By how much footprints are enlarged behind curved surfaces: with expansions of first order, which know no curvature, and where
 /// normals are interpolated, since derivatives jump from facet to facet.
 const CURVED: f64 = 1.25;
+
+/// By how much the normals of a sphere or cylinder may turn in a footprint, radians, where first order is to do: what it leaves out
+/// is about as large, relative to the footprint, and well below what [`CURVED`] adds.
+const TURN: f64 = 0.1;
 
 /// How a smooth surface sends rays on.
 pub(super) enum Optics {
@@ -49,6 +54,23 @@ struct Segment<J> {
     exact: bool,
 }
 
+/// What is left to do, and what has been found.
+struct Tree<J> {
+    todo: ArrayVec<Segment<J>, MOST_SEGMENTS>,
+    /// Segments looked along so far.
+    segments: usize,
+    found: Events,
+    /// A surface bends too much for duals of first order.
+    bends: bool,
+}
+
+impl<J> Tree<J> {
+    /// Whether no more segments are followed.
+    fn is_full(&self) -> bool {
+        self.segments + self.todo.len() >= MOST_SEGMENTS
+    }
+}
+
 /// Whether a surface turns rays of all places alike.
 fn is_flat(geometry: &Geometry) -> bool {
     match geometry {
@@ -66,6 +88,9 @@ fn is_smooth(geometry: &Geometry) -> bool {
 /// What expansions of second order leave out, as a fraction of the first: guessed from the ratio of the first two, as in a geometric
 /// series. 0 for duals of first order.
 fn third<J: Jet<N, Primitive = f64>, const N: usize>(ray: &Ray<J>) -> f64 {
+    if J::NDERIV < 2 {
+        return 0.0;
+    }
     let ratio = |v: Vec3<J>| {
         let first: f64 = (0..N).map(|k| v.partial(k).norm2().sqrt()).sum();
         let [x, y, z] = v.map(|c| c.hessian()).to_array();
@@ -89,53 +114,57 @@ impl EdgeDetector<'_> {
         if self.optics(shape.material as usize, outside).is_none() {
             return NOTHING;
         }
-        let first_order = || self.chain_of::<D1<N>, N>(first, t, at, all);
-        if self.settings.order < 2 {
-            return first_order();
+        // Most of what chains show is clear to first order, at less than half of the second's cost.
+        let (found, bends) = self.chain_of::<D1<N>, N>(first, t, at, all);
+        if self.settings.order < 2 || (found.kinds == Kinds::NONE && !bends) {
+            return found;
         }
-        // Facets of smooth meshes are too small to bend much: most of what they show is clear to first order.
-        if is_smooth(&shape.geometry) && first_order().kinds == Kinds::NONE {
-            return NOTHING;
-        }
-        self.chain_of::<D2N<N>, N>(first, t, at, all)
+        self.chain_of::<D2N<N>, N>(first, t, at, all).0
     }
 
+    /// Events, and whether the chain was given up because it bends too much for duals of first order.
     fn chain_of<J: Jet<N, Primitive = f64>, const N: usize>(
         &self,
         first: &Family<f64, N>,
         t: f64,
         at: SurfacePoint,
         all: bool,
-    ) -> Events {
-        let mut found = NOTHING;
+    ) -> (Events, bool) {
         let ray = first.ray::<J>();
         let exact = N == 2 && (first.has_fixed_origin() || first.d_p.iter().all(|v| *v == Vec3::zero()));
-        let mut todo = arrayvec::ArrayVec::<Segment<J>, MOST_SEGMENTS>::new();
         let start = Segment { ray, start: 0.0, seen: Kinds::NONE, from: at, grow: 1.0, exact };
-        let mut segments = 0;
-        self.branch(&start, &at, t, segments, &mut todo, &mut found);
-        while let Some(segment) = todo.pop().filter(|_| all || found.kinds == Kinds::NONE) {
-            segments += 1;
-            let d = from_dual(segment.ray.d.re()).as_vec3();
-            let o = segment.from.spawn_origin(d);
-            let hit = self.meet(&PlainRay { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY });
-            let verdict = self.along(&segment, hit.as_ref().map(|(t, at)| (at.shape, *t)), all);
+        let mut tree = Tree { todo: ArrayVec::new(), segments: 0, found: NOTHING, bends: false };
+        self.branch(&start, &at, t, &mut tree);
+        while let Some(segment) = tree.todo.pop() {
+            if tree.bends || (!all && tree.found.kinds != Kinds::NONE) {
+                break;
+            }
+            tree.segments += 1;
+            let plain = PlainRay::leaving(&segment.from, from_dual(segment.ray.d.re()).as_vec3());
+            // The last ones send nothing on: what they meet is asked for only where edges may show.
+            let last = tree.is_full();
+            let hit = if last { None } else { self.meet(&plain) };
+            let front = || match &hit {
+                _ if last => self.accel.closest(&plain).map(|hit| (hit.shape, f64::from(hit.t))),
+                hit => hit.as_ref().map(|(t, at)| (at.shape, *t)),
+            };
+            let verdict = self.along(&segment, front, all);
             if verdict != Verdict::Clear {
-                found.kinds |= verdict.kinds() | segment.seen;
-                found.distance = found.distance.min(verdict.distance());
+                tree.found.kinds |= verdict.kinds() | segment.seen;
+                tree.found.distance = tree.found.distance.min(verdict.distance());
             }
             if let Some((t, at)) = hit {
-                self.branch(&segment, &at, segment.start + t, segments, &mut todo, &mut found);
+                self.branch(&segment, &at, segment.start + t, &mut tree);
             }
         }
-        found
+        (tree.found, tree.bends)
     }
 
-    /// What a segment sees; `front`: what its centre ray meets.
+    /// What a segment sees; `front`: shape and distance of what its centre ray meets.
     fn along<J: Jet<N, Primitive = f64>, const N: usize>(
         &self,
         segment: &Segment<J>,
-        front: Option<(u32, f64)>,
+        front: impl FnOnce() -> Option<(u32, f64)>,
         all: bool,
     ) -> Verdict {
         let (ray, at) = (&segment.ray, &segment.from);
@@ -151,7 +180,7 @@ impl EdgeDetector<'_> {
         }
         // Only rays that come back to where they start: other surfaces may end, or bend, within the footprint.
         let third = third::<J, N>(ray);
-        let own = || front.filter(|f| f.0 == at.shape);
+        let own = || front().filter(|f| f.0 == at.shape);
         self.predict_in(ray, Question { t, exclude, round: false, grow: segment.grow + third, all, swaps: false }, own)
     }
 
@@ -161,9 +190,7 @@ impl EdgeDetector<'_> {
         segment: &Segment<J>,
         at: &SurfacePoint,
         t: f64,
-        segments: usize,
-        todo: &mut arrayvec::ArrayVec<Segment<J>, MOST_SEGMENTS>,
-        found: &mut Events,
+        tree: &mut Tree<J>,
     ) {
         let shape = &self.scene.shapes[at.shape as usize];
         let ray = &segment.ray;
@@ -174,11 +201,18 @@ impl EdgeDetector<'_> {
         let flat = is_flat(&shape.geometry);
         let first_order = J::NDERIV < 2 || is_smooth(&shape.geometry);
         let grow = if !flat && first_order { CURVED } else { segment.grow };
+        if J::NDERIV < 2 && !flat && !is_smooth(&shape.geometry) && self.settings.order >= 2 {
+            let turn: f64 = (0..N).map(|k| n.partial(k).norm2()).sum();
+            if turn > TURN * TURN {
+                tree.bends = true;
+                return;
+            }
+        }
         let mut go = |o: Vec3<J>, d: Vec3<J>, start: f64, kind: Kinds| {
-            if segments + todo.len() < MOST_SEGMENTS {
+            if !tree.is_full() {
                 let ray = Ray::new(o, d);
                 let exact = start > 0.0;
-                let _ = todo.try_push(Segment { ray, start, seen: segment.seen | kind, from: *at, grow, exact });
+                tree.todo.push(Segment { ray, start, seen: segment.seen | kind, from: *at, grow, exact });
             }
         };
         // The image of the origin, in the plane through the hit point.
@@ -199,14 +233,18 @@ impl EdgeDetector<'_> {
             }
             Optics::Glass(eta) => {
                 let bent = refract(ray.d, n, if outside { 1.0 / eta } else { eta });
-                let margin = bent.margin.expansion();
-                if bounds(&margin) {
-                    found.kinds |= Kinds::TOTAL_REFLECTION;
-                    found.distance = found.distance.min(margin.distance());
+                let mut margin = bent.margin.expansion();
+                if first_order {
+                    margin.gradient = margin.gradient.map(|g| g * grow);
                 }
+                let total = bounds(&margin).then(|| margin.distance());
                 mirror();
                 if let Some(d) = bent.direction {
                     go(p, d, 0.0, Kinds::REFRACTED);
+                }
+                if let Some(distance) = total {
+                    tree.found.kinds |= Kinds::TOTAL_REFLECTION;
+                    tree.found.distance = tree.found.distance.min(distance);
                 }
             }
         }
@@ -219,10 +257,11 @@ impl EdgeDetector<'_> {
         Some((f64::from(t), at))
     }
 
-    /// What a real ray sees at the ends of the same tree of segments, for the oracle.
-    pub(super) fn follow(&self, first: &PlainRay) -> Vec<Option<SurfacePoint>> {
-        let mut seen = Vec::new();
-        let mut todo = vec![(*first, false)];
+    /// What a real ray sees at the ends of the same tree of segments, for the oracle (and what tracing them costs).
+    pub(super) fn follow(&self, first: &PlainRay) -> ArrayVec<Option<SurfacePoint>, MOST_SEGMENTS> {
+        let mut seen = ArrayVec::new();
+        let mut todo = ArrayVec::<_, { MOST_SEGMENTS + 1 }>::new();
+        todo.push((*first, false));
         let mut segments = 0;
         while let Some((ray, counts)) = todo.pop() {
             let hit = self.accel.closest(&ray).map(|Hit { t, u, v, shape, prim }| {

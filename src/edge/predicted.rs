@@ -15,6 +15,7 @@
 
 use super::Facet;
 use super::bundle::Bundle;
+use super::feet::feet;
 use super::kinds::Kinds;
 use super::lens::Lens;
 use super::linear::Linear;
@@ -29,6 +30,7 @@ use dualux_dual::{
     num_dual::{Dual2SVec64, DualSVec64},
 };
 use std::f64::consts::TAU;
+use std::marker::PhantomData;
 use std::ops::ControlFlow;
 
 /// Numbers of a prediction of first order.
@@ -62,8 +64,7 @@ pub(super) struct Edge<const N: usize> {
 /// Collects predicted edges.
 pub(super) struct Predictor<'a, J, const N: usize> {
     scene: &'a Scene,
-    ray: Ray<J>,
-    grow: f64,
+    duals: PhantomData<J>,
     pub o: Bundle<N>,
     pub d: Bundle<N>,
     /// Derivatives of o x d, seen from the centre ray's origin.
@@ -95,8 +96,7 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         let lens = if round { Lens::new(o.value, &o.by, d.value, &d.by) } else { None };
         Predictor {
             scene,
-            ray: *ray,
-            grow,
+            duals: PhantomData,
             q,
             round,
             lens,
@@ -112,13 +112,6 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
             o,
             d,
         }
-    }
-
-    /// An expansion over the enlarged footprint.
-    #[inline(always)]
-    fn enlarged(&self, e: Expansion<f64, N>) -> Expansion<f64, N> {
-        let (g, g2) = (self.grow, self.grow * self.grow);
-        Expansion { gradient: e.gradient.map(|x| x * g), hessian: e.hessian.map(|row| row.map(|x| x * g2)), ..e }
     }
 
     /// The margin of the line a-b.
@@ -137,29 +130,18 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         std::array::from_fn(|i| std::array::from_fn(|j| of(i, j)))
     }
 
-    /// Coordinates of the ray's foot on the line a-b (0 at a, 1 at b), and of the edge's foot on the ray.
-    fn feet(&self, a: DVec3, b: DVec3) -> [Linear<N>; 2] {
-        let e = Vec3::lift(to_dual(b - a));
-        let v = Vec3::lift(to_dual(a)) - self.ray.o;
-        let d = self.ray.d;
-        let (ee, ed, dd, ve, vd) = (e.norm2(), e.dot(d), d.norm2(), v.dot(e), v.dot(d));
-        let inv = (ee * dd - ed * ed).recip();
-        [(ed * vd - ve * dd) * inv, (ee * vd - ed * ve) * inv].map(|x| self.enlarged(x.expansion()).into())
-    }
-
-    fn segment(&mut self, kind: Kinds, shape: u32, margin: Linear<N>, [a, b]: [DVec3; 2]) {
+    /// A straight edge; `kind` says what it is, if it is one.
+    fn segment(
+        &mut self,
+        shape: u32,
+        margin: Linear<N>,
+        [a, b]: [DVec3; 2],
+        kind: impl FnOnce(&Self) -> Option<Kinds>,
+    ) {
         if !margin.vanishes(self.round) {
             return;
         }
-        let mut bend = [[0.0; N]; N];
-        if J::NDERIV >= 2 {
-            bend = self.bend(a, b);
-            let exact = Expansion { order: 2, value: margin.value, gradient: margin.gradient, hessian: bend };
-            if !bounds(&exact) {
-                return;
-            }
-        }
-        let [s, t] = self.feet(a, b);
+        let [s, t] = feet(&self.o, &self.d, a, b, J::NDERIV >= 2);
         let (reach, near) = (s.reach(self.round), t.value - t.reach(self.round));
         if s.value + reach < 0.0 || s.value - reach > 1.0 || t.value + t.reach(self.round) <= 0.0 {
             return;
@@ -167,6 +149,15 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         // Where the mesh that the rays start from ends under their origins, the ray before saw an edge.
         if shape == self.exclude.shape && near <= 0.0 {
             return;
+        }
+        let Some(kind) = kind(self) else { return };
+        let mut bend = [[0.0; N]; N];
+        if J::NDERIV >= 2 {
+            bend = self.bend(a, b);
+            let exact = Expansion { order: 2, value: margin.value, gradient: margin.gradient, hessian: bend };
+            if !bounds(&exact) {
+                return;
+            }
         }
         self.push(Edge { kind, shape, margin, bend, s: Some(s), t, near });
     }
@@ -211,11 +202,9 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
             return;
         }
         for k in 0..K {
-            if sides[k] == 0
-                && !(shape == self.exclude.shape && self.starts_at([points[k], points[(k + 1) % K]]))
-                && let Some(kind) = kind(self, k)
-            {
-                self.segment(kind, shape, margins[k], [points[k], points[(k + 1) % K]]);
+            let ends = [points[k], points[(k + 1) % K]];
+            if sides[k] == 0 && !(shape == self.exclude.shape && self.starts_at(ends)) {
+                self.segment(shape, margins[k], ends, |this| kind(this, k));
             }
         }
     }
@@ -225,6 +214,21 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         let d = self.d.value;
         let farthest = ends.map(|x| d.dot(x - self.o.value)).into_iter().fold(f64::MIN, f64::max);
         farthest * farthest.abs() <= self.start * d.length_squared()
+    }
+
+    /// Whether rays meet a facet of the mesh they start from where they start, if at all: they leave its plane, or come to it within
+    /// the reach of their origins. Round the start of a footprint no smaller than facets that is what most of them are: they are left
+    /// out before any margin is asked for. (Nearly tangent rays may meet what is ahead, and are asked.)
+    fn starts_on(&self, points: &[DVec3; 3]) -> bool {
+        let n = (points[1] - points[0]).cross(points[2] - points[0]);
+        let reach = |b: &Bundle<N>| b.by.iter().fold(b.rest.dot(n.abs()), |r, g| r + n.dot(*g).abs());
+        let (height, speed) = (n.dot(points[0] - self.o.value), n.dot(self.d.value));
+        let slowest = speed.abs() - reach(&self.d);
+        // Farthest ray parameter at which a ray may meet the plane, times the slowest speed.
+        let farthest = height * speed.signum() + reach(&self.o);
+        slowest > 0.0
+            && (farthest <= 0.0
+                || farthest * farthest * self.d.value.length_squared() <= self.start * slowest * slowest)
     }
 
     /// Polygons of different shapes that cross each other: they swap their depth order at the segment they share.
@@ -238,7 +242,7 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
                 let dual = |p: &ArrayVec<DVec3, 4>| p.iter().map(|x| to_dual(*x)).collect::<ArrayVec<_, 4>>();
                 if let Some(ends) = margins::shared_segment(&dual(a), &dual(b)) {
                     let (shape, ends) = (*shape, ends.map(from_dual));
-                    self.segment(Kinds::SWAP, shape, self.line(ends[0], ends[1]), ends);
+                    self.segment(shape, self.line(ends[0], ends[1]), ends, |_| Some(Kinds::SWAP));
                 }
             }
         }
@@ -270,7 +274,7 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         };
         for k in 0..RIM {
             let ends = [at(k), at(k + 1)];
-            self.segment(Kinds::BOUNDARY, shape, self.line(ends[0], ends[1]), ends);
+            self.segment(shape, self.line(ends[0], ends[1]), ends, |_| Some(Kinds::BOUNDARY));
         }
     }
 
@@ -350,6 +354,9 @@ impl<J: Jet<N, Primitive = f64>, const N: usize> Visitor for Predictor<'_, J, N>
             _ => {
                 let points = corners.map(|p| p.as_dvec3());
                 let from = self.exclude;
+                if index == from.shape && self.starts_on(&points) {
+                    return ControlFlow::Continue(());
+                }
                 self.polygon(index, &points, |this, k| {
                     mesh_edge(this.scene, [index, prim], k, from, this.o.value, &this.o.by)
                 });
@@ -378,7 +385,7 @@ impl<J: Jet<N, Primitive = f64>, const N: usize> Visitor for Predictor<'_, J, N>
                     margins::cylinder_silhouette(to_dual(self.o.value), &c).into_iter().flatten().filter(|_| !own)
                 {
                     let ends = line.map(from_dual);
-                    self.segment(Kinds::SILHOUETTE, index, self.line(ends[0], ends[1]), ends);
+                    self.segment(index, self.line(ends[0], ends[1]), ends, |_| Some(Kinds::SILHOUETTE));
                 }
             }
             _ => {}
