@@ -39,7 +39,8 @@ pub struct EdgesArgs {
     /// Cells across the top of the hemicube.
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u16).range(2..=2048))]
     cells: u16,
-    /// Compare with brute force of N x N rays per footprint and print recall, precision and cost, for both tests.
+    /// Compare with brute force of N x N rays per footprint and print recall, precision and cost, for bounds and for corners (`--test corners4`:
+    /// the four only).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=256))]
     score: Option<u16>,
     /// Write the scores to this file.
@@ -190,9 +191,9 @@ fn score(
         "family     test     order  footprints    edges  recall                  precision               cost  ns\n",
     )?;
     let mut scores = Vec::new();
-    score_one(detector, question, window, n, &mut scores)?;
+    score_one(args, detector, question, window, n, &mut scores)?;
     if matches!(question, Question::Pixel) {
-        score_one(detector, &Question::Chain, window, n, &mut scores)?;
+        score_one(args, detector, &Question::Chain, window, n, &mut scores)?;
     }
     print(format!("(cost: query over one plain ray; brute force takes {} rays per footprint)\n", n * n))?;
     if let Some(path) = &args.json {
@@ -203,6 +204,7 @@ fn score(
 }
 
 fn score_one(
+    args: &EdgesArgs,
     detector: &EdgeDetector,
     question: &Question,
     window: [u32; 4],
@@ -210,16 +212,21 @@ fn score_one(
     scores: &mut Vec<Score>,
 ) -> Result<(), Failure> {
     let truth = question.truth(detector, window, n);
-    // Predictions along chains know the one test only.
-    let tests: &[_] = match question {
-        Question::Chain if truth.iter().all(Option::is_none) => &[],
-        Question::Chain => &[TestChoice::Bounds],
-        _ => &[TestChoice::Bounds, TestChoice::Corners],
+    // Beside bounds the source paper's test, with the neighbours asked for. Predictions along chains know the one test only.
+    let neighbours = if args.test == TestChoice::Corners4 { TestChoice::Corners4 } else { TestChoice::Corners };
+    let tests = match question {
+        Question::Chain if truth.iter().all(Option::is_none) => vec![],
+        Question::Chain => vec![TestChoice::Bounds],
+        _ => vec![TestChoice::Bounds, neighbours],
     };
-    for &test in tests {
+    for test in tests {
         let settings = Settings { test: test.into(), ..detector.settings };
         let detector = EdgeDetector::with_settings(detector.scene, detector.accel, settings);
-        let name = if test == TestChoice::Bounds { "bounds" } else { "corners" };
+        let name = match test {
+            TestChoice::Bounds => "bounds",
+            TestChoice::Corners => "corners",
+            TestChoice::Corners4 => "corners4",
+        };
         let map = question.map(&detector, window);
         let mut s = compare(question.family(), name, settings.order, &map, &truth, n);
         (s.cost_ratio, s.query_ns) = question.cost(&detector, window);

@@ -77,6 +77,17 @@ pub fn sight(scene: &Scene, accel: &Accel, view: &View, n: usize) -> bool {
     changes(n, see, differ)
 }
 
+/// The same, but `None` where only rays beyond the footprint's border see a change: an edge passes between the outermost rays of neighbouring
+/// footprints, often exactly along their border, and which of them holds it rays do not tell.
+pub fn sight_within(scene: &Scene, accel: &Accel, view: &View, n: usize) -> Option<bool> {
+    let scale = (n + 2) as f64 / n as f64;
+    let see = |p: [f64; 2]| meet(scene, accel, &plain(&view.family, view.t, p.map(|x| x * scale))).map(Seen::from);
+    match sight(scene, accel, view, n) {
+        true => Some(true),
+        false => (!changes(n + 2, see, differ)).then_some(false),
+    }
+}
+
 /// Whether the view of the rays of a family with four parameters changes: n x n values of the first two for each of n x n values of
 /// the last two (with `round`: of those in the unit disk, a lens), and from one of these to the next.
 pub fn sight4(scene: &Scene, accel: &Accel, family: &Family<f64, 4>, t: [f64; 2], n: usize, round: bool) -> bool {

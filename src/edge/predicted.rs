@@ -26,7 +26,7 @@ use crate::scene::mesh::EdgeClass;
 use crate::scene::{Geometry, Scene};
 use arrayvec::ArrayVec;
 use dualux_dual::{
-    Cylinder, Expansion, Jet, Ray, Vec3, bounds, margins,
+    Cylinder, Expansion, Jet, Ray, bounds, margins,
     num_dual::{Dual2SVec64, DualSVec64},
 };
 use std::f64::consts::TAU;

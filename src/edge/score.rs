@@ -1,6 +1,7 @@
 //! Recall, precision and cost of the detector against brute force.
 //!
-//! Intervals are Wilson's at 95 %. Cost: the time of `any` queries over that of plain rays (pixels: nearest hit through the centre;
+//! Footprints with an edge between their outermost rays and those of a neighbour are left out ([`oracle::sight_within`]): brute force
+//! does not tell on which side it is. Intervals are Wilson's at 95 %. Cost: the time of `any` queries over that of plain rays (pixels: nearest hit through the centre;
 //! lights: one shadow ray to the centre), both timed in runs of `RUN` neighbouring footprints on one thread; the median of the runs. Chains
 //! differ from pixel to pixel: the time of each, over that of tracing plain rays along its segments; the median of the pixels.
 
@@ -26,9 +27,9 @@ const MOST_RUNS: usize = 256;
 /// One line of a score.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Score {
-    /// `pixel` or `light:K`.
+    /// `pixel`, `chain`, `light:K` or `emission:K`.
     pub family: String,
-    /// `bounds` or `corners`.
+    /// `bounds`, `corners` or `corners4`.
     pub test: String,
     /// Order of expansions.
     pub order: usize,
@@ -68,12 +69,12 @@ fn share(k: usize, n: usize) -> f64 {
     if n == 0 { 1.0 } else { k as f64 / n as f64 }
 }
 
-/// What brute force says of each pixel of a window; `None` where it says nothing.
+/// What brute force says of each pixel of a window; `None` where it does not tell.
 pub fn pixel_truth(detector: &EdgeDetector, [x0, y0, w, h]: [u32; 4], n: usize) -> Vec<Option<bool>> {
     let one = |i: u32| {
         let centre = [f64::from(x0 + i % w) + 0.5, f64::from(y0 + i / w) + 0.5];
         match pixel::family(&detector.scene.camera, centre, [0.5; 2]) {
-            Some(PixelFamily::Exact(view)) => Some(oracle::sight(detector.scene, detector.accel, &view, n)),
+            Some(PixelFamily::Exact(view)) => oracle::sight_within(detector.scene, detector.accel, &view, n),
             // As many rays in all.
             Some(PixelFamily::Lens(family, t)) => {
                 let n = (n as f64).sqrt().ceil() as usize;
@@ -133,7 +134,8 @@ pub fn emission_truth(detector: &EdgeDetector, cells: &Unrolled, n: usize) -> Ve
     let one = |i: u32| {
         let mut views = cells.views(i % size, i / size).map(|(view, _)| view.within([start, f64::INFINITY])).peekable();
         views.peek()?;
-        Some(views.any(|view| oracle::sight(detector.scene, detector.accel, &view, n)))
+        let seen: Vec<_> = views.map(|view| oracle::sight_within(detector.scene, detector.accel, &view, n)).collect();
+        if seen.contains(&Some(true)) { Some(true) } else { (!seen.contains(&None)).then_some(false) }
     };
     (0..size * size).into_par_iter().map(one).collect()
 }

@@ -172,8 +172,9 @@ impl Detection<'_> {
         let along = n.dot(axis) / axis.length();
         if along.abs() > 1e-4 {
             let onto = |v: DVec3| v - axis * (n.dot(v) / n.dot(axis));
-            let u = axis.any_orthonormal_vector() * c.radius;
-            let v = axis.normalize().cross(u);
+            let unit = axis.normalize();
+            let u = unit.any_orthonormal_vector() * c.radius;
+            let v = unit.cross(u);
             let centre = a + axis * (n.dot(flat.x - a) / n.dot(axis));
             return self.circle_swap(&Circle { c: centre, u: onto(u), v: onto(v) }, owners);
         }
