@@ -147,6 +147,14 @@ impl<'a> IrradianceCache<'a> {
         (weights > 0.0).then(|| sum / weights)
     }
 
+    /// Whole irradiance (direct, caustic and indirect) at the end of a ray of length `distance`, as gather rays of that length read it;
+    /// `None` where no surfel stands for the place. For rays that come from all of a hemisphere or a wide lobe.
+    pub fn at_hit(&self, at: &Facet, distance: f32) -> Option<Rgb> {
+        let light = self.light.as_ref()?;
+        let k = light.surfels.find(&self.world, at, distance)?;
+        light.irradiance().get(k as usize).copied()
+    }
+
     /// Shows the records that a look-up at the point uses, with their distances d.
     pub(super) fn visit(&self, p: Vec3, n_shade: Vec3, n_geo: Vec3, mut visitor: impl FnMut(&Record, f32)) {
         self.tree.containing(p, |id| {
@@ -241,8 +249,8 @@ impl<'a> IrradianceCache<'a> {
     }
 
     fn surfel_settings(&self) -> SurfelSettings {
-        let CacheSettings { light_samples, surfel_rays, seed, .. } = self.settings;
-        SurfelSettings { light_samples, gather_rays: surfel_rays, seed }
+        let CacheSettings { light_samples, surfel_rays, bounces, seed, .. } = self.settings;
+        SurfelSettings { light_samples, gather_rays: surfel_rays, bounces, seed }
     }
 
     /// Edge of the largest surfel cells: by the median length of gather rays from the places.

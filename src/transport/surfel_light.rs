@@ -10,7 +10,7 @@
 //! times the sum of what glossy vertices of the rays scatter from lamps; weight_r = throughput times albedo at the end of
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
 //! Solved by sweeps in the order of the surfels (Gauss-Seidel), which converge at least like albedo^k, to
-//! 1e-4 of the mean.
+//! 1e-4 of the mean. With a limit of depth: that many terms of the Neumann series, E <- D + C + I(E) from E = D + C (Jacobi).
 //! Rays of surfels found the next ones, in the largest cells; ends of *their* rays for which there is no surfel take one in a wider
 //! neighbourhood, and where there is none that sees the place found one as well, and so on: light finds its way through any number of
 //! rooms. When there are too many, the rest of the row stands for the lost rays.
@@ -73,6 +73,8 @@ pub struct SurfelSettings {
     pub light_samples: u32,
     /// Gather rays per surfel.
     pub gather_rays: u32,
+    /// Most scatterings between surfels; `u32::MAX`: all.
+    pub bounces: u32,
     /// Seed of all random numbers.
     pub seed: u64,
 }
@@ -109,7 +111,7 @@ pub struct SurfelLight {
     glossy: Vec<(u32, GlossyLight)>,
 }
 
-stored!(SurfelSettings { light_samples, gather_rays, seed });
+stored!(SurfelSettings { light_samples, gather_rays, bounces, seed });
 stored!(Entry { surfel, weight });
 stored!(SurfelLight {
     surfels,
@@ -197,7 +199,38 @@ impl SurfelLight {
         for (k, total) in self.total.iter_mut().enumerate() {
             *total = self.own[k] + self.indirect[self.gatherer[k] as usize];
         }
-        self.sweeps(0, MAX_SWEEPS);
+        match self.settings.bounces {
+            u32::MAX => self.sweeps(0, MAX_SWEEPS),
+            bounces => self.bounce(bounces),
+        }
+    }
+
+    /// The first terms of the Neumann series: light of `bounces` scatterings between surfels at most.
+    fn bounce(&mut self, bounces: u32) {
+        self.indirect.fill(Rgb::ZERO);
+        self.total.copy_from_slice(&self.own);
+        for _ in 0..bounces.min(MAX_SWEEPS) {
+            for k in (0..self.total.len()).filter(|&k| self.gatherer[k] as usize == k) {
+                self.indirect[k] = self.scattered[k] + self.gathered(k);
+            }
+            let (mut change, mut sum) = (0f32, 0f32);
+            for (k, total) in self.total.iter_mut().enumerate() {
+                let value = self.own[k] + self.indirect[self.gatherer[k] as usize];
+                change = change.max((value - *total).abs().max_element());
+                sum += luminance(value);
+                *total = value;
+            }
+            if change <= CONVERGED * sum / self.total.len() as f32 {
+                break;
+            }
+        }
+    }
+
+    /// What the rays of large surfel `k` bring of the light of other surfels.
+    fn gathered(&self, k: usize) -> Rgb {
+        let begin = if k == 0 { 0 } else { self.row_ends[k - 1] as usize };
+        let row = &self.entries[begin..self.row_ends[k] as usize];
+        row.iter().map(|e| e.weight * self.total[e.surfel as usize]).sum()
     }
 
     /// Evaluates all light anew, without a gather ray.
@@ -330,10 +363,7 @@ impl SurfelLight {
             for _ in 0..limit {
                 let (mut change, mut sum, mut count) = (0f32, 0f32, 0u32);
                 for k in (start..n).filter(|&k| self.gatherer[k] as usize == k) {
-                    let begin = if k == 0 { 0 } else { self.row_ends[k - 1] as usize };
-                    let row = &self.entries[begin..self.row_ends[k] as usize];
-                    let gathered: Rgb = row.iter().map(|e| e.weight * self.total[e.surfel as usize]).sum();
-                    self.indirect[k] = self.scattered[k] + gathered;
+                    self.indirect[k] = self.scattered[k] + self.gathered(k);
                     let value = self.own[k] + self.indirect[k];
                     change = change.max((value - self.total[k]).abs().max_element());
                     sum += luminance(value);

@@ -12,6 +12,9 @@
 //! nearly specular surface that it meets until then, light is not sampled. Nearly specular: Dirac lobes, and glossy ones of a roughness
 //! below a threshold; the lobe that scattered decides ([`nearly_specular`]). Without caustic photons the path itself finds caustics.
 //!
+//! Where a path has left a diffuse part, or a lobe wider than what gather rays tell apart ([`WIDE`]), the next diffuse part answers with the
+//! irradiance of the cache's surfel, if there is one ([`IrradianceCache::at_hit`]): a path without a record is one more gather ray.
+//!
 //! Residual roulette ([`Indirect::Residual`]): the cache's value q is a prediction. With the probability u = [`CHECK`] the path goes on from d
 //! as if there were no record and brings v: the estimate q + (v - q) B / u has the mean of v whatever q is (`math::residual_roulette`). The path itself asks
 //! no records: predictions upon predictions would multiply their noise, by albedo^2 / u each. Errors of the cache become noise; kernels of
@@ -37,6 +40,10 @@ use std::f32::consts::FRAC_1_PI;
 
 /// Probability that a prediction of the cache is checked by a path. The noise of the correction goes with 1 / u, the cost with u.
 const CHECK: f32 = 0.25;
+
+/// Greatest density per solid angle with which a glossy lobe sends rays that may end on surfels: their cells span a hundredth of a
+/// steradian (`surfels::CELL_PER_DISTANCE`), and the lobe is to cover several.
+const WIDE: f32 = 25.0;
 
 /// All that an eye path asks.
 pub struct Eye<'a> {
@@ -91,6 +98,8 @@ struct End<'s> {
     rest: Option<&'s Bsdf>,
     /// Whether the path may not get longer.
     last: bool,
+    /// Length of the ray.
+    distance: f32,
 }
 
 /// Kinds of light, as [`Parts`] tells them apart.
@@ -200,7 +209,7 @@ impl Eye<'_> {
             return;
         }
         let (diffuse, rest) = bsdf.split();
-        let end = End { at: &at, wo, diffuse: diffuse.as_ref(), rest: rest.as_ref(), last };
+        let end = End { at: &at, wo, diffuse: diffuse.as_ref(), rest: rest.as_ref(), last, distance: hit.t };
         let unknown = if last { 0.0 } else { self.reflected(&b, &end, sample) };
         self.go_on(b, &end, unknown, sample);
     }
@@ -225,8 +234,14 @@ impl Eye<'_> {
     /// Adds what the surface reflects of light known there. 0 if that is all the light on the diffuse part; else the path has to go on from
     /// there, and has been chosen to with the probability returned.
     fn reflected(&self, b: &Branch, end: &End, sample: &mut Sample) -> f32 {
-        let &End { at, wo, diffuse, rest, .. } = end;
+        let &End { at, wo, mut diffuse, rest, .. } = end;
         let parts = self.parts();
+        if let Some((part, light)) = diffuse.and_then(|d| Some((d, self.at_surfel(b, end)?))) {
+            if if b.indirect { parts.indirect } else { parts.direct } {
+                sample.add(b.throughput * part.albedo(wo) * light * FRAC_1_PI, Kind::Direct, b.indirect);
+            }
+            diffuse = None;
+        }
         let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
         if (diffuse.is_some() || sampled.is_some()) && (if b.indirect { parts.indirect } else { parts.direct }) {
             let light = self.direct.radiance(
@@ -276,6 +291,17 @@ impl Eye<'_> {
         let light = Rgb::from_array(predicted.to_array().map(without_path));
         sample.add(b.throughput * light, Kind::Indirect, true);
         if checked { CHECK } else { 0.0 }
+    }
+
+    /// Whole irradiance at the end of a ray that stands for many directions, if the cache knows it.
+    fn at_surfel(&self, b: &Branch, end: &End) -> Option<Rgb> {
+        let wide = b.indirect || matches!(b.came, Came::Glossy { pdf_dir, .. } if pdf_dir < WIDE);
+        let parts = self.parts();
+        let all = parts.direct && parts.caustic && parts.indirect;
+        if !wide || !(b.indirect || all) || self.settings.indirect != Indirect::Cache {
+            return None;
+        }
+        self.cache?.at_hit(&Facet::seen_from(end.at, end.wo), end.distance)
     }
 
     /// Notes what the first look-up in the cache rests on.

@@ -95,13 +95,19 @@ struct Loaded {
     same_light: bool,
 }
 
+/// Settings of a first cache. A limit of depth leaves what lies beyond eye - record - surfel - light to bounces between surfels.
+fn cache_settings(settings: &PhotonSettings) -> CacheSettings {
+    let bounces = settings.path.max_depth.map_or(u32::MAX, |depth| depth.saturating_sub(3));
+    CacheSettings { bounces, ..CacheSettings::default() }
+}
+
 impl<'a> Photon<'a> {
     /// An integrator for the pixels of `window` (x, y, width, height).
     pub fn new(world: World<'a>, settings: PhotonSettings, window: [u32; 4]) -> Self {
         let bounces = settings.path.max_depth.is_none_or(|d| d > 2);
         let by_records = matches!(settings.indirect, Indirect::Cache | Indirect::Residual);
         let cached = by_records && settings.parts.indirect && bounces;
-        let cache = cached.then(|| IrradianceCache::new(world, CacheSettings::default()));
+        let cache = cached.then(|| IrradianceCache::new(world, cache_settings(&settings)));
         let sky = cached && gather_sky::is_gathered(&world);
         let by_photons = settings.indirect == Indirect::Photons && settings.parts.indirect && bounces;
         let global = by_photons.then(|| Global::new(world, &settings)).flatten();
@@ -179,7 +185,7 @@ impl<'a> Photon<'a> {
             return;
         }
         let finer = 1.0 + self.caches as f32;
-        let usual = CacheSettings::default();
+        let usual = cache_settings(&self.settings);
         let settings = CacheSettings {
             error: usual.error / finer.sqrt(),
             surfel_cell: usual.surfel_cell / finer.sqrt(),

@@ -3,6 +3,9 @@
 //! Measure: `pdf` is per unit length or area of the unit interval or square; `pmf` is the probability of a cell.
 //! Both are differences of the table that `sample` inverts, so a cell whose difference has rounded to 0 is never drawn
 //! and says so. In two dimensions: first the row from the marginal, then the column from the row's own table.
+//! Search: a guide table (Chen & Asau 1974, "On Generating Random Variates from an Empirical Distribution"; Devroye 1986, section
+//! III.2.4) holds the cell of each of a few evenly spaced numbers; from there the search goes on cell by cell. It finds what
+//! bisection finds, in constant expected time and mostly within one cache line.
 
 use crate::math::Vec2;
 
@@ -10,6 +13,28 @@ use crate::math::Vec2;
 #[derive(Clone, Debug)]
 pub struct Piecewise1 {
     cdf: Vec<f32>,
+    guide: Vec<u32>,
+}
+
+/// Cells for each entry of a guide table.
+const CELLS_PER_GUIDE: usize = 4;
+
+/// Entries of the guide table of a CDF over `cells` cells.
+fn guide_len(cells: usize) -> usize {
+    cells.div_ceil(CELLS_PER_GUIDE)
+}
+
+/// Appends the cells of the numbers k / n, k = 0 .. n, n = [`guide_len`].
+fn push_guide(cdf: &[f32], guide: &mut Vec<u32>) {
+    let n = guide_len(cdf.len() - 1);
+    let mut i = 0;
+    for k in 0..n {
+        let u = k as f32 / n as f32;
+        while cdf[i + 1] <= u {
+            i += 1;
+        }
+        guide.push(i as u32);
+    }
 }
 
 /// Writes the CDF of `values` (negative and non-finite count as 0) to `cdf`; returns the sum.
@@ -29,10 +54,19 @@ fn fill_cdf(values: &[f32], cdf: &mut [f32]) -> f64 {
     sum
 }
 
-/// Cell of `u` in a CDF and the position inside it, in [0, 1).
-fn find(cdf: &[f32], u: f32) -> (usize, f32) {
+/// Cell of `u` in a CDF with its guide table, and the position inside it, in [0, 1).
+fn find(cdf: &[f32], guide: &[u32], u: f32) -> (usize, f32) {
     let u = u.clamp(0.0, ONE_BELOW);
-    let i = cdf.partition_point(|&c| c <= u) - 1;
+    let k = ((u * guide.len() as f32) as usize).min(guide.len() - 1);
+    let mut i = guide[k] as usize;
+    // The product may have been rounded up to the next entry.
+    while cdf[i] > u {
+        i -= 1;
+    }
+    // Ends: the last entry is 1.
+    while cdf[i + 1] <= u {
+        i += 1;
+    }
     (i, ((u - cdf[i]) / (cdf[i + 1] - cdf[i])).min(ONE_BELOW))
 }
 
@@ -51,7 +85,9 @@ impl Piecewise1 {
         assert!(!values.is_empty(), "a density needs a cell");
         let mut cdf = vec![0.0; values.len() + 1];
         fill_cdf(values, &mut cdf);
-        Piecewise1 { cdf }
+        let mut guide = Vec::with_capacity(guide_len(values.len()));
+        push_guide(&cdf, &mut guide);
+        Piecewise1 { cdf, guide }
     }
 
     /// Number of cells, at least 1.
@@ -66,12 +102,12 @@ impl Piecewise1 {
 
     /// Cell of `u` in [0, 1) and the position inside it.
     pub fn sample_cell(&self, u: f32) -> (usize, f32) {
-        find(&self.cdf, u)
+        find(&self.cdf, &self.guide, u)
     }
 
     /// Position in [0, 1) and its density.
     pub fn sample(&self, u: f32) -> (f32, f32) {
-        let (i, f) = find(&self.cdf, u);
+        let (i, f) = find(&self.cdf, &self.guide, u);
         let n = self.cells() as f32;
         ((i as f32 + f) / n, self.pmf(i) * n)
     }
@@ -106,6 +142,8 @@ pub struct Cell {
 pub struct Piecewise2 {
     width: usize,
     rows: Vec<f32>,
+    /// Guide tables of all rows.
+    guides: Vec<u32>,
     marginal: Piecewise1,
     mean: f64,
 }
@@ -121,9 +159,12 @@ impl Piecewise2 {
         // Sums relative to the largest: they may exceed f32.
         let largest = sums.iter().fold(f64::MIN_POSITIVE, |m, &s| m.max(s));
         let relative: Vec<f32> = sums.iter().map(|s| (s / largest) as f32).collect();
+        let mut guides = Vec::with_capacity(guide_len(width) * height);
+        rows.chunks(width + 1).for_each(|cdf| push_guide(cdf, &mut guides));
         Piecewise2 {
             width,
             rows,
+            guides,
             marginal: Piecewise1::new(&relative),
             mean: sums.iter().sum::<f64>() / values.len() as f64,
         }
@@ -157,7 +198,8 @@ impl Piecewise2 {
     /// Cell of `u` in [0, 1)^2: `u.y` finds the row, `u.x` the column.
     pub fn sample_cell(&self, u: Vec2) -> Cell {
         let (y, fy) = self.marginal.sample_cell(u.y);
-        let (x, fx) = find(self.row(y), u.x);
+        let n = guide_len(self.width);
+        let (x, fx) = find(self.row(y), &self.guides[y * n..(y + 1) * n], u.x);
         Cell { x, y, inside: Vec2::new(fx, fy), pmf: self.pmf(x, y) }
     }
 
@@ -215,6 +257,22 @@ mod tests {
             let (x, pdf) = d.sample(u);
             assert!(pdf > 0.0 && (d.invert(x) - u).abs() < 2e-6, "{u} {x}");
             assert!((d.pdf(x) - pdf).abs() < 1e-6 || (x * 37.0).fract() > 0.9999 || (x * 37.0).fract() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn the_guided_search_finds_what_bisection_finds() {
+        let spiky: Vec<f32> = (0..1000).map(|i| if i % 97 == 5 { 1e3 } else { 1e-4 * unit_f32(hash(8, i)) }).collect();
+        for v in [values(1), values(5), values(64), values(1001), spiky] {
+            let d = Piecewise1::new(&v);
+            let bisected = |u: f32| d.cdf.partition_point(|&c| c <= u) - 1;
+            let random = (0..4000).map(|i| unit_f32(hash(9, i)));
+            let borders = d.cdf.iter().flat_map(|&c| [c.next_down(), c, c.next_up()]);
+            let steps = (0..=d.guide.len()).map(|k| k as f32 / d.guide.len() as f32);
+            let steps = steps.flat_map(|u| [u.next_down(), u, u.next_up()]);
+            for u in random.chain(borders).chain(steps).filter(|u| (0.0..=ONE_BELOW).contains(u)) {
+                assert_eq!(d.sample_cell(u).0, bisected(u), "{u} among {}", v.len());
+            }
         }
     }
 

@@ -344,6 +344,10 @@ impl Lights {
 
     /// Draws a direction into the environment, with the density of [`Self::pdf_dir_infinity`].
     pub fn sample_environment(&self, textures: Textures, u_light: f32, u: Vec2) -> Option<LightSample> {
+        if let [(only, _)] = self.environments.as_slice() {
+            let (wi, radiance, pdf_dir) = only.sample_with_radiance(textures.images, u);
+            return self.environment_sample(radiance, wi, pdf_dir);
+        }
         let mut rest = u_light * self.environment_pmf();
         let mut chosen = None;
         for (e, emitter) in &self.environments {
@@ -354,7 +358,7 @@ impl Lights {
             }
         }
         let wi = chosen?.sample(u);
-        self.environment_sample(textures, wi, self.pdf_dir_infinity(wi))
+        self.environment_sample(self.environment(textures, wi), wi, self.pdf_dir_infinity(wi))
     }
 
     /// Density per solid angle of [`Self::sample_environment`] at the unit direction `w`.
@@ -367,8 +371,7 @@ impl Lights {
         self.environments.iter().map(|(_, emitter)| self.table.pmf(*emitter as usize)).sum()
     }
 
-    pub(super) fn environment_sample(&self, textures: Textures, wi: Vec3, pdf_dir: f32) -> Option<LightSample> {
-        let radiance = self.environment(textures, wi);
+    pub(super) fn environment_sample(&self, radiance: Rgb, wi: Vec3, pdf_dir: f32) -> Option<LightSample> {
         let light = self.environments.first().map_or(0, |(_, emitter)| self.emitters[*emitter as usize].light);
         (pdf_dir > 0.0 && radiance != Rgb::ZERO).then(|| LightSample {
             wi,

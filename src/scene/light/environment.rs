@@ -8,7 +8,7 @@
 //! Bias: none. Not handled: sampling in proportion to the receiver's cosine.
 
 use super::delta::rotation_to_local;
-use crate::math::distribution::Piecewise2;
+use crate::math::distribution::{Cell, Piecewise2};
 use crate::math::warp::{pdf_sphere, sample_sphere};
 use crate::math::{DVec3, Mat3, Rgb, Vec2, Vec3, luminance};
 use crate::scene::description::{ImageId, LightDesc};
@@ -111,6 +111,14 @@ impl Environment {
         }
     }
 
+    /// Draws a direction as [`Self::sample`] does; with its radiance and density.
+    pub fn sample_with_radiance(&self, images: &[Bitmap], u: Vec2) -> (Vec3, Rgb, f32) {
+        match self {
+            Environment::Constant { radiance } => (sample_sphere(u), *radiance, pdf_sphere()),
+            Environment::Map(m) => m.sample_with_radiance(&images[m.image as usize], u),
+        }
+    }
+
     /// Density of [`Self::sample`] at the unit direction `w`.
     pub fn pdf_dir(&self, w: Vec3) -> f32 {
         match self {
@@ -162,6 +170,11 @@ impl EnvMap {
 
     fn radiance(&self, map: &Bitmap, w: Vec3) -> Rgb {
         let (i, j, f) = self.cell(self.to_local * w);
+        self.interpolated(map, i, j, f)
+    }
+
+    /// Radiance at the position `f` inside of a cell.
+    fn interpolated(&self, map: &Bitmap, i: usize, j: usize, f: Vec2) -> Rgb {
         let k = if i + 1 == map.width { 0 } else { i + 1 };
         let row = |j: usize| {
             let row = &map.pixels[j.min(map.height - 1) * map.width..];
@@ -171,12 +184,25 @@ impl EnvMap {
     }
 
     fn sample(&self, u: Vec2) -> Vec3 {
+        self.direction(&self.density.sample_cell(u)).0
+    }
+
+    fn sample_with_radiance(&self, map: &Bitmap, u: Vec2) -> (Vec3, Rgb, f32) {
         let c = self.density.sample_cell(u);
+        let (w, sin, cos) = self.direction(&c);
+        // The map is linear in the angle, directions are uniform in its cosine.
+        let down = sin.atan2(cos) * (1.0 / PI) * self.density.height() as f32 - c.y as f32;
+        let inside = Vec2::new(c.inside.x, down.clamp(0.0, 1.0));
+        (w, self.interpolated(map, c.x, c.y, inside), c.pmf / self.solid_angle(c.y))
+    }
+
+    /// World direction of a position in a cell, sine and cosine of its angle from +y.
+    fn direction(&self, c: &Cell) -> (Vec3, f32, f32) {
         let phi = TAU * (c.x as f32 + 0.5 + c.inside.x) / self.density.width() as f32;
         let cos = self.cos[c.y] + c.inside.y as f64 * (self.cos[c.y + 1] - self.cos[c.y]);
         let sin = (1.0 - cos * cos).max(0.0).sqrt() as f32;
         let local = Vec3::new(sin * phi.sin(), cos as f32, -sin * phi.cos());
-        (self.to_local.transpose() * local).normalize()
+        ((self.to_local.transpose() * local).normalize(), sin, cos as f32)
     }
 
     fn pdf_dir(&self, w: Vec3) -> f32 {

@@ -269,7 +269,7 @@ impl Lights {
         let pmf = self.table.pmf(index);
         if let Source::Environment(k) = self.emitters[index].source {
             let wi = self.environments[k as usize].0.sample(u);
-            return self.environment_sample(textures, wi, self.pdf_dir_environment(wi));
+            return self.environment_sample(self.environment(textures, wi), wi, self.pdf_dir_environment(wi));
         }
         let s = self.view(shapes, textures, index as u32, p)?.sample(u)?;
         Some(LightSample { weight: s.weight / pmf, pdf_dir: s.pdf_dir * pmf, ..s })
