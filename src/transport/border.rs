@@ -16,10 +16,8 @@
 
 use super::World;
 use super::footprint_kernel::Ellipsoid;
-use super::obstacle::Obstacle;
+use super::obstacle::{Obstacle, is_surface};
 use super::photon::Photon;
-use super::photon_map::NORMAL_CONE;
-use crate::accel::Ray;
 use crate::math::{Vec2, Vec3};
 use crate::scene::mesh::EdgeClass;
 use crate::scene::{Geometry, Mesh};
@@ -143,10 +141,7 @@ impl Fold<'_> {
         let axis = |row: Vec3| row / row.length_squared();
         let up = axis(self.e.rows[2]);
         let p = self.e.p + axis(self.e.rows[0]) * x.x + axis(self.e.rows[1]) * x.y;
-        let ray = Ray { o: p + up, d: -up, tmin: 0.0, tmax: 2.0 };
-        let Some(hit) = self.world.accel.closest(&ray) else { return false };
-        let n = self.world.surface(&ray, &hit).n_geo;
-        n.dot(up).abs() >= NORMAL_CONE * up.length()
+        is_surface(self.world, p, up, 1)
     }
 
     fn images(&self) -> Images {

@@ -6,7 +6,7 @@
 //! * [`footprint_kernel`], [`border`], [`obstacle`]: the kernel of a photon's own footprint, and what becomes of it at borders and at the
 //!   foot of what stands on the surface
 //! * [`photon_tree`]: all photons whose reach covers a point; [`nearest`]: the nearest photons
-//! * [`photon_map`]: radiance and irradiance from photons; [`photon_ply`]: photons as a point cloud
+//! * [`photon_map`]: radiance and irradiance from photons, [`photon_lanes`] eight at a time; [`photon_ply`]: photons as a point cloud
 //! * [`antialias`]: which pixels need several samples
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
@@ -39,6 +39,7 @@ pub mod light_tree;
 pub mod nearest;
 pub mod obstacle;
 pub mod photon;
+pub mod photon_lanes;
 pub mod photon_map;
 pub mod photon_ply;
 pub mod photon_tree;

@@ -12,7 +12,7 @@
 
 use super::obstacle::NONE;
 use super::photon::Photon;
-use super::photon_map::Arrival;
+use super::photon_lanes::Arrival;
 use crate::math::{Mat3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::f32::consts::PI;
@@ -36,7 +36,7 @@ impl NearestPhotons {
         let usable: Vec<&Photon> = photons.iter().filter(|p| p.p.is_finite()).collect();
         let arrival = |p: &&Photon| {
             let Photon { wi, n, flux, shading, segments, .. } = **p;
-            Arrival { power: flux, wi, n, shading, segments, obstacle: NONE }
+            Arrival { power: flux, wi, n, shading, segments, obstacle: NONE, clear: 0.0 }
         };
         let arrivals = usable.iter().map(arrival).collect();
         let points: Vec<[f32; 3]> = usable.iter().map(|p| (turn * p.p).to_array()).collect();

@@ -4,6 +4,7 @@
 //! ends: a point in the sectors beside that ray that lies behind the steep surface is not lit by the photon ([`Obstacles::hides`]). Surfaces that
 //! two neighbouring rays have met are borders as well, at which [`super::border`] folds back what is cut off: the foot of a wall that stands
 //! in the middle of a floor is as bright as that of a wall at its end.
+//! What has nothing behind it, such as the wall at the end of a floor, is a border only: no point would be asked for there.
 //! Most photons have nothing around them. Cells as large as the kernels find that out for all their photons at once, by rays from
 //! the first of them.
 //! Source: Jensen 2001, section 7.3 (kernels leak at edges and through thin walls); METHODS 3.E.
@@ -15,6 +16,7 @@
 use super::World;
 use super::footprint_kernel::Ellipsoid;
 use super::photon::Photon;
+use super::photon_map::NORMAL_CONE;
 use super::riser::{Riser, SECTORS, sector};
 use crate::accel::Ray;
 use crate::math::{Frame, Vec2, Vec3};
@@ -32,6 +34,12 @@ const STEEP: f32 = 0.7;
 const STRAIGHT: f32 = 0.9;
 /// What lies less behind an obstacle, in half axes, counts as lying at its foot.
 const FOOT: f32 = 1e-3;
+/// Places behind an obstacle, from its foot to the border of the kernel, at which the surface is looked for.
+const BEHIND: [f32; 2] = [0.25, 0.75];
+/// Surfaces that may lie above the one that is looked for, such as what stands there itself if it slants, and one more.
+const HITS: u32 = 4;
+/// Where a ray goes on behind a hit, as a share of the length above the surface from which it starts.
+const NEXT_HIT: f32 = 1e-4;
 /// No obstacles: an index.
 pub const NONE: u32 = u32::MAX;
 
@@ -43,6 +51,8 @@ pub struct Obstacle {
     rows: [Vec3; 2],
     /// What each ray has met, where the kernel is the unit disk.
     risers: [Riser; RAYS],
+    /// Of these, as bits, the ones behind which the surface goes on: the others hide nothing.
+    hiding: u8,
 }
 
 /// The obstacles of many kernels.
@@ -99,6 +109,20 @@ impl Obstacles {
         index != NONE && self.all[index as usize].hides(x)
     }
 
+    /// Those that hide anything, in the order in which `users` ask for them; their indices are renewed.
+    pub fn that_hide<'u>(&self, users: impl Iterator<Item = &'u mut u32>) -> Obstacles {
+        let (mut new, mut hide) = (vec![NONE; self.all.len()], Obstacles::default());
+        for user in users.filter(|u| **u != NONE) {
+            let old = *user as usize;
+            if new[old] == NONE && self.all[old].hiding != 0 {
+                new[old] = hide.all.len() as u32;
+                hide.all.push(self.all[old].hiding_alone());
+            }
+            *user = new[old];
+        }
+        hide
+    }
+
     /// Memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.all.as_slice())
@@ -110,9 +134,10 @@ impl Obstacle {
     fn around(world: World, photon: &Photon, kernel: &Ellipsoid) -> Option<Self> {
         let axes = [kernel.rows[0], kernel.rows[1]].map(|row| row / row.length_squared());
         let lift = LIFT * kernel.radii[1];
-        let mut risers = [Riser::NONE; RAYS];
-        for (direction, riser) in directions().zip(&mut risers) {
-            let ray = along(photon, axes[0] * direction.x + axes[1] * direction.y, lift);
+        let (mut risers, mut hiding) = ([Riser::NONE; RAYS], 0);
+        for (k, (direction, riser)) in directions().zip(&mut risers).enumerate() {
+            let reach = axes[0] * direction.x + axes[1] * direction.y;
+            let ray = along(photon, reach, lift);
             let Some(hit) = world.accel.closest(&ray) else { continue };
             let n = world.surface(&ray, &hit).n_geo;
             let trace = n - photon.n * n.dot(photon.n);
@@ -121,10 +146,29 @@ impl Obstacle {
                 let offset = normal.dot(direction) * hit.t;
                 *riser =
                     if offset > 0.0 { Riser { normal: -normal, offset: -offset } } else { Riser { normal, offset } };
+                let up = kernel.rows[2] / kernel.rows[2].length_squared();
+                let goes_on =
+                    BEHIND.iter().any(|s| is_surface(world, photon.p + reach * (hit.t + s * (1.0 - hit.t)), up, HITS));
+                hiding |= u8::from(goes_on) << k;
             }
         }
         let nothing = risers.iter().all(|r| *r == Riser::NONE);
-        (!nothing).then_some(Obstacle { p: photon.p, rows: [kernel.rows[0], kernel.rows[1]], risers })
+        (!nothing).then_some(Obstacle { p: photon.p, rows: [kernel.rows[0], kernel.rows[1]], risers, hiding })
+    }
+
+    /// The same without what hides nothing.
+    fn hiding_alone(&self) -> Self {
+        let risers = std::array::from_fn(|k| if self.hiding >> k & 1 == 1 { self.risers[k] } else { Riser::NONE });
+        Obstacle { risers, ..*self }
+    }
+
+    /// q of the kernel from which on a point may be hidden.
+    pub fn clear(&self) -> f32 {
+        let hiding = self.hiding_alone();
+        let nearest = hiding.risers.iter().map(|r| FOOT - r.offset).fold(f32::INFINITY, f32::min);
+        // What rounding may do to q and to the offset.
+        let safe = (nearest - 1e-4).max(0.0);
+        safe * safe
     }
 
     fn hides(&self, x: Vec3) -> bool {
@@ -155,6 +199,20 @@ impl Obstacle {
 /// Unit directions where the sectors meet.
 fn directions() -> impl Iterator<Item = Vec2> {
     (0..RAYS).map(|k| Vec2::from_angle(TAU * k as f32 / RAYS as f32))
+}
+
+/// Whether there is a surface that faces like `up` within this length above or below `p`, among the first `hits` that a ray down onto it
+/// meets.
+pub fn is_surface(world: World, p: Vec3, up: Vec3, hits: u32) -> bool {
+    let mut ray = Ray { o: p + up, d: -up, tmin: 0.0, tmax: 2.0 };
+    for _ in 0..hits {
+        let Some(hit) = world.accel.closest(&ray) else { return false };
+        if world.surface(&ray, &hit).n_geo.dot(up).abs() >= NORMAL_CONE * up.length() {
+            return true;
+        }
+        ray.tmin = hit.t + NEXT_HIT;
+    }
+    false
 }
 
 /// The ray along the surface from a photon, t = 1 at the end of `d`.

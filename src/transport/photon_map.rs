@@ -18,8 +18,9 @@
 
 use super::footprint_kernel::{Smallest, Widths};
 use super::nearest::NearestPhotons;
-use super::obstacle::Obstacles;
+use super::obstacle::{Obstacle, Obstacles};
 use super::photon::{Ledger, Photon, PhotonClass};
+use super::photon_lanes::{Arrival, PhotonLanes};
 use super::photon_tree::PhotonTree;
 use super::photon_walk::{GRAZING, Goal, Traced, WalkSettings, trace};
 use super::{World, border};
@@ -139,29 +140,21 @@ impl PhotonSettings {
     }
 }
 
-/// What a query needs of a photon.
-#[derive(Clone, Copy, Debug)]
-pub struct Arrival {
-    /// Flux times the peak of its kernel (nearest photons: flux).
-    pub power: Rgb,
-    /// Towards where it came from.
-    pub wi: Vec3,
-    /// Normal of its surface, on the side it came from.
-    pub n: Vec3,
-    /// See [`Photon::shading`].
-    pub shading: f32,
-    /// Segments of its way.
-    pub segments: u32,
-    /// Index of what stands within its kernel.
-    pub obstacle: u32,
-}
-
 /// Photons of one kind, ready to be asked.
 #[derive(Debug)]
 enum Estimator {
-    /// Kernels, and how many of them are photons' own (the others are their images).
-    Tree(PhotonTree<Arrival>, usize, Obstacles),
+    Kernels(Box<Kernels>),
     Nearest(NearestPhotons),
+}
+
+/// Photons with their kernels.
+#[derive(Debug)]
+struct Kernels {
+    tree: PhotonTree<Arrival>,
+    lanes: PhotonLanes,
+    /// Photons: the other kernels are their images.
+    photons: usize,
+    obstacles: Obstacles,
 }
 
 impl Estimator {
@@ -185,21 +178,31 @@ impl Estimator {
         let arrival = |i: usize| {
             let of = if i < photons.len() { i } else { images[i - photons.len()].0 };
             let Photon { wi, n, flux, shading, segments, .. } = photons[of];
-            Arrival { power: flux * ellipsoids[i].peak(), wi, n, shading, segments, obstacle: obstacle[of] }
+            let obstacle = obstacle[of];
+            // An image's q says nothing of the way from the photon.
+            let clear = obstacles.get(obstacle).filter(|_| of == i).map_or(0.0, Obstacle::clear);
+            Arrival { power: flux * ellipsoids[i].peak(), wi, n, shading, segments, obstacle, clear }
         };
-        Estimator::Tree(PhotonTree::build(&ellipsoids, arrival), photons.len(), obstacles)
+        let mut tree = PhotonTree::build(&ellipsoids, arrival);
+        let obstacles = obstacles.that_hide(tree.items_mut().iter_mut().map(|a| &mut a.obstacle));
+        Estimator::Kernels(Box::new(Kernels {
+            lanes: PhotonLanes::new(&tree),
+            tree,
+            photons: photons.len(),
+            obstacles,
+        }))
     }
 
     fn len(&self) -> usize {
         match self {
-            Estimator::Tree(_, photons, _) => *photons,
+            Estimator::Kernels(kernels) => kernels.photons,
             Estimator::Nearest(nearest) => nearest.len(),
         }
     }
 
     fn bytes(&self) -> usize {
         match self {
-            Estimator::Tree(tree, _, obstacles) => tree.bytes() + obstacles.bytes(),
+            Estimator::Kernels(k) => k.tree.bytes() + k.lanes.bytes() + k.obstacles.bytes(),
             Estimator::Nearest(nearest) => nearest.bytes(),
         }
     }
@@ -213,8 +216,8 @@ impl Estimator {
             }
         };
         match self {
-            Estimator::Tree(tree, _, obstacles) => tree.visit(x, |a: &Arrival, weight| {
-                if !obstacles.hides(a.obstacle, x) {
+            Estimator::Kernels(k) => k.tree.visit(x, |a: &Arrival, weight| {
+                if 1.0 - weight < a.clear || !k.obstacles.hides(a.obstacle, x) {
                     counts(a, weight);
                 }
             }),
@@ -244,6 +247,9 @@ impl Estimator {
 
     /// Irradiance on the side of `n`.
     fn irradiance(&self, p: Vec3, n: Vec3, most: u32) -> Rgb {
+        if let Estimator::Kernels(k) = self {
+            return k.lanes.irradiance(&k.tree, &k.obstacles, p, n, most);
+        }
         let mut sum = Rgb::ZERO;
         self.visit(p, n, most, |a, e| sum += e * a.shading);
         sum

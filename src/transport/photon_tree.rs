@@ -3,18 +3,18 @@
 //! Photons are put in classes by the power of two of their reach (a large kernel would blow up the box of every group that it is in),
 //! within each sorted along a Z-order curve (Morton 1966) and grouped by eights, and these by eights again: the tree is implied by the
 //! order, complete but for its last nodes, and needs no pointers. A node holds the boxes of its eight children; a leaf eight ellipsoids, one
-//! array per coefficient, so that vector units test eight at a time. Building is a sort, O(n log n) whatever the photons' arrangement:
+//! array per coefficient, so that vector units test four of them at a time. Building is a sort, O(n log n) whatever the photons' arrangement:
 //! duplicates and axis-aligned walls are nothing special. A query visits in the order of the tree: sums have the same bits for any
 //! number of threads.
 //! Source: for the order Lauterbach et al. 2009, "Fast BVH Construction on GPUs"; classes by reach: METHODS 3.B.
 //! Verified against brute force by `tests/tree.rs`.
 
 use super::footprint_kernel::Ellipsoid;
-use crate::math::Vec3;
+use crate::math::{Vec3, Vec4};
 use rayon::prelude::*;
 
 /// Children of a node, and photons of a leaf.
-const WIDTH: usize = 8;
+pub const WIDTH: usize = 8;
 /// Levels of a tree of 2^32 photons.
 const MOST_LEVELS: usize = 11;
 /// Bits of a coordinate on the curve.
@@ -22,25 +22,33 @@ const BITS: u32 = 19;
 /// Greatest factor between the reaches of a class, as its binary logarithm.
 const CLASS_LOG2: i32 = 1;
 
+/// A number of each of eight.
+pub type Eight = [Vec4; 2];
+
+/// Eight times the same.
+pub const fn all(x: f32) -> Eight {
+    [Vec4::splat(x); 2]
+}
+
 /// Boxes of eight children: lower and upper ends along x, y, z. Empty where there is no child.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 struct Node {
-    lo: [[f32; WIDTH]; 3],
-    hi: [[f32; WIDTH]; 3],
+    lo: [Eight; 3],
+    hi: [Eight; 3],
 }
 
 /// Eight ellipsoids: centres, and the three rows of q's square root.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 struct Leaf {
-    p: [[f32; WIDTH]; 3],
-    rows: [[[f32; WIDTH]; 3]; 3],
+    p: [Eight; 3],
+    rows: [[Eight; 3]; 3],
 }
 
-const EMPTY: Node = Node { lo: [[f32::INFINITY; WIDTH]; 3], hi: [[f32::NEG_INFINITY; WIDTH]; 3] };
+const EMPTY: Node = Node { lo: [all(f32::INFINITY); 3], hi: [all(f32::NEG_INFINITY); 3] };
 /// Far from everything: q is infinite or NaN, never below 1.
-const NOWHERE: Leaf = Leaf { p: [[f32::INFINITY; WIDTH]; 3], rows: [[[1.0; WIDTH]; 3]; 3] };
+const NOWHERE: Leaf = Leaf { p: [all(f32::INFINITY); 3], rows: [[all(1.0); 3]; 3] };
 
 /// The tree of one class of reach.
 #[derive(Clone, Debug)]
@@ -50,6 +58,10 @@ struct Class {
     leaves: Vec<Leaf>,
     /// Index of its first item.
     first: usize,
+    /// Number of its items.
+    count: usize,
+    /// Index of its first leaf among those of all classes.
+    first_leaf: usize,
 }
 
 /// Ellipsoids with something attached to each.
@@ -83,12 +95,13 @@ impl<T: Copy + Send + Sync> PhotonTree<T> {
         order.par_sort_unstable();
 
         let mut classes = Vec::new();
-        let mut first = 0;
+        let (mut first, mut first_leaf) = (0, 0);
         while first < order.len() {
             let class = order[first].0 >> (3 * BITS);
             let count = order[first..].partition_point(|(k, _)| k >> (3 * BITS) == class);
-            classes.push(Class::build(ellipsoids, &order[first..first + count], first));
+            classes.push(Class::build(ellipsoids, &order[first..first + count], (first, first_leaf)));
             first += count;
+            first_leaf += count.div_ceil(WIDTH);
         }
         PhotonTree { classes, items: order.par_iter().map(|&(_, i)| item(i as usize)).collect() }
     }
@@ -97,8 +110,40 @@ impl<T: Copy + Send + Sync> PhotonTree<T> {
     #[inline]
     pub fn visit(&self, x: Vec3, mut visit: impl FnMut(&T, f32)) {
         for class in &self.classes {
-            class.visit(x, |index, weight| visit(&self.items[index], weight));
+            class.visit_leaves(x, |leaf, w| {
+                let mut mask = positive(&w);
+                while mask != 0 {
+                    let k = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    visit(&self.items[class.first + leaf * WIDTH + k], w[k / 4][k % 4]);
+                }
+            });
         }
+    }
+
+    /// Calls `visit` for each leaf that may have an ellipsoid which covers `x`, always in the same order: with its number as in
+    /// [`Self::map_leaves`], 1 - q of its ellipsoids (not positive: outside, may be NaN), and their items, fewer than lanes in the last one.
+    #[inline]
+    pub fn visit_leaves(&self, x: Vec3, mut visit: impl FnMut(usize, Eight, &[T])) {
+        for class in &self.classes {
+            let end = class.first + class.count;
+            class.visit_leaves(x, |leaf, w| {
+                let first = class.first + leaf * WIDTH;
+                visit(class.first_leaf + leaf, w, &self.items[first..(first + WIDTH).min(end)]);
+            });
+        }
+    }
+
+    /// Something of the items of each leaf, in order.
+    pub fn map_leaves<U: Send>(&self, of: impl Fn(&[T]) -> U + Sync) -> Vec<U> {
+        let of_class =
+            |c: &Class| self.items[c.first..c.first + c.count].par_chunks(WIDTH).map(&of).collect::<Vec<U>>();
+        self.classes.iter().flat_map(of_class).collect()
+    }
+
+    /// All items, in the order of the leaves.
+    pub fn items_mut(&mut self) -> &mut [T] {
+        &mut self.items
     }
 
     /// Number of items.
@@ -137,7 +182,7 @@ fn spread_bits(x: u64) -> u64 {
 }
 
 impl Class {
-    fn build(ellipsoids: &[Ellipsoid], order: &[(u64, u32)], first: usize) -> Self {
+    fn build(ellipsoids: &[Ellipsoid], order: &[(u64, u32)], (first, first_leaf): (usize, usize)) -> Self {
         let leaf = |group: &[(u64, u32)]| {
             let (mut leaf, mut lo, mut hi) = (NOWHERE, Vec3::INFINITY, Vec3::NEG_INFINITY);
             for (k, &(_, i)) in group.iter().enumerate() {
@@ -146,9 +191,9 @@ impl Class {
                 let half = e.half_box() * (1.0 + 1e-5) + e.p.abs() * (2.0 * f32::EPSILON);
                 (lo, hi) = (lo.min(e.p - half), hi.max(e.p + half));
                 for axis in 0..3 {
-                    leaf.p[axis][k] = e.p[axis];
+                    leaf.p[axis][k / 4][k % 4] = e.p[axis];
                     for row in 0..3 {
-                        leaf.rows[row][axis][k] = e.rows[row][axis];
+                        leaf.rows[row][axis][k / 4][k % 4] = e.rows[row][axis];
                     }
                 }
             }
@@ -162,8 +207,8 @@ impl Class {
                 for (k, b) in group.iter().enumerate() {
                     (lo, hi) = (lo.min(b.0), hi.max(b.1));
                     for axis in 0..3 {
-                        node.lo[axis][k] = b.0[axis];
-                        node.hi[axis][k] = b.1[axis];
+                        node.lo[axis][k / 4][k % 4] = b.0[axis];
+                        node.hi[axis][k / 4][k % 4] = b.1[axis];
                     }
                 }
                 (node, (lo, hi))
@@ -172,11 +217,11 @@ impl Class {
             levels.push(nodes);
             boxes = above;
         }
-        Class { levels, leaves, first }
+        Class { levels, leaves, first, first_leaf, count: order.len() }
     }
 
     #[inline]
-    fn visit(&self, x: Vec3, mut visit: impl FnMut(usize, f32)) {
+    fn visit_leaves(&self, x: Vec3, mut visit: impl FnMut(usize, Eight)) {
         let top = self.levels.len() - 1;
         // Children still to be visited, and the node they belong to, per level.
         let mut masks = [0u32; MOST_LEVELS];
@@ -194,13 +239,7 @@ impl Class {
             let child = nodes[level] * WIDTH + masks[level].trailing_zeros() as usize;
             masks[level] &= masks[level] - 1;
             if level == 0 {
-                let mut w = [0.0; WIDTH];
-                let mut mask = weights(&self.leaves[child], x, &mut w);
-                while mask != 0 {
-                    let k = mask.trailing_zeros() as usize;
-                    mask &= mask - 1;
-                    visit(self.first + child * WIDTH + k, w[k]);
-                }
+                visit(child, weights(&self.leaves[child], x));
             } else {
                 level -= 1;
                 nodes[level] = child;
@@ -213,36 +252,32 @@ impl Class {
 /// Children whose boxes hold `x`.
 #[inline(always)]
 fn covered(node: &Node, x: Vec3) -> u32 {
-    let x = x.to_array();
-    let mut inside = [true; WIDTH];
-    for axis in 0..3 {
-        for k in 0..WIDTH {
-            inside[k] &= (node.lo[axis][k] <= x[axis]) & (x[axis] <= node.hi[axis][k]);
-        }
-    }
-    (0..WIDTH).fold(0, |m, k| m | u32::from(inside[k]) << k)
+    let x = x.to_array().map(Vec4::splat);
+    let half = |h: usize| {
+        let inside = |axis: usize| node.lo[axis][h].cmple(x[axis]) & x[axis].cmple(node.hi[axis][h]);
+        (inside(0) & inside(1) & inside(2)).bitmask()
+    };
+    half(0) | half(1) << 4
 }
 
-/// 1 - q of eight ellipsoids at `x`, and which of them are positive.
-// A function of its own: inlined, lanes are taken apart and computed one by one.
-#[inline(never)]
-fn weights(leaf: &Leaf, x: Vec3, w: &mut [f32; WIDTH]) -> u32 {
-    let x = x.to_array();
-    let mut d = [[0.0f32; WIDTH]; 3];
-    for axis in 0..3 {
-        for k in 0..WIDTH {
-            d[axis][k] = x[axis] - leaf.p[axis][k];
-        }
-    }
-    let mut q = [0.0f32; WIDTH];
-    for row in &leaf.rows {
-        for k in 0..WIDTH {
-            let s = row[0][k] * d[0][k] + row[1][k] * d[1][k] + row[2][k] * d[2][k];
-            q[k] += s * s;
-        }
-    }
-    for k in 0..WIDTH {
-        w[k] = 1.0 - q[k];
-    }
-    (0..WIDTH).fold(0, |m, k| m | u32::from(w[k] > 0.0) << k)
+/// Lanes above 0, as bits.
+#[inline(always)]
+fn positive(w: &Eight) -> u32 {
+    let half = |w: Vec4| w.cmpgt(Vec4::ZERO).bitmask();
+    half(w[0]) | half(w[1]) << 4
+}
+
+/// 1 - q of eight ellipsoids at `x`.
+#[inline(always)]
+fn weights(leaf: &Leaf, x: Vec3) -> Eight {
+    let x = x.to_array().map(Vec4::splat);
+    std::array::from_fn(|h| {
+        let d: [Vec4; 3] = std::array::from_fn(|axis| x[axis] - leaf.p[axis][h]);
+        let squared = |row: &[Eight; 3]| {
+            let s = row[0][h] * d[0] + row[1][h] * d[1] + row[2][h] * d[2];
+            s * s
+        };
+        let [r, s, n] = &leaf.rows;
+        Vec4::ONE - (squared(r) + squared(s) + squared(n))
+    })
 }

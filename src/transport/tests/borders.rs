@@ -56,8 +56,9 @@ fn borders_lose_half_of_the_light_unless_it_is_folded_back() {
         }
         let lost = at_the_border(floor, 0.2999, false);
         assert!((lost - 0.5).abs() < 0.05, "the test has no power: {lost}");
-        // Far from it nothing changes.
-        assert_eq!(at_the_border(floor, 0.2, true), at_the_border(floor, 0.2, false));
+        // Far from it nothing changes but the order of the sum.
+        let [folded, plain] = [true, false].map(|fold| at_the_border(floor, 0.2, fold));
+        assert!((folded / plain - 1.0).abs() < 1e-6, "{folded}, not {plain}");
     }
 }
 

@@ -3,6 +3,7 @@
 mod borders;
 mod chains;
 mod kernel;
+mod lanes;
 mod maps;
 mod obstacles;
 mod tree;
