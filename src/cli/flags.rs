@@ -5,6 +5,7 @@ use crate::integrators::photon::{Antialiasing, Emission, Indirect};
 use crate::transport::direct::LightSampling;
 use crate::transport::light_cull::{CullingSettings, MOST_KEPT, Reservoir};
 use crate::transport::light_selection::{LightStrategy, SelectionSettings};
+use crate::transport::photon_map::Kernel;
 use crate::transport::strategies::Strategy;
 use crate::transport::strategies::coins::Coins;
 use std::path::PathBuf;
@@ -25,10 +26,11 @@ pub struct PhotonArgs {
     /// Samples of a light where there are several [default: 16, fewer if most points need them].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub light_samples: Option<u32>,
-    /// How radiance is estimated from photons [default: ad].
-    #[arg(long, value_enum)]
-    pub kernel: Option<KernelChoice>,
-    /// Samples per pixel in a pass: more on edges, more everywhere, or one [default: adaptive].
+    /// How radiance is estimated from photons: by each photon's own footprint (ad), the K nearest photons (knn[:K], 50), one radius
+    /// (fixed[:R], in units of the scene) or one that shrinks from pass to pass (progressive[:R]) [default: ad].
+    #[arg(long, value_parser = options::kernel)]
+    pub kernel: Option<Kernel>,
+    /// Samples per pixel in a pass: more on edges, 16 everywhere, or one [default: adaptive].
     #[arg(long, value_enum)]
     pub aa: Option<Antialiasing>,
     /// Photons per pass for the global map; K and M suffixes are understood [default: 100K].
@@ -134,19 +136,6 @@ impl PathArgs {
             seed,
         }
     }
-}
-
-/// Kernels by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum KernelChoice {
-    /// Each photon's own footprint, by its derivatives.
-    Ad,
-    /// The 50 nearest photons.
-    Knn,
-    /// One radius, by the number of photons.
-    Fixed,
-    /// One radius that shrinks from pass to pass.
-    Progressive,
 }
 
 /// Ways of light to a diffuse surface.

@@ -1,6 +1,7 @@
 //! Values on the command line: durations, counts, windows, definitions.
 
 use crate::render::InvalidSample;
+use crate::transport::photon_map::Kernel;
 use std::time::Duration;
 
 /// Longest time limit: a year is as good as none, and keeps the arithmetic of instants in range.
@@ -51,6 +52,30 @@ pub fn positive(text: &str) -> Result<u64, String> {
     match count(text)? {
         0 => Err("must be at least 1".into()),
         n => Ok(n),
+    }
+}
+
+/// Photons of `knn` where no number is given.
+const NEAREST: u32 = 50;
+
+/// A kernel of photons: `ad`, `knn`, `knn:200`, `fixed`, `fixed:0.1`, `progressive`, `progressive:0.1`.
+pub fn kernel(text: &str) -> Result<Kernel, String> {
+    let (name, number) = text.split_once(':').map_or((text, None), |(name, number)| (name, Some(number)));
+    let radius = || match number.map(str::parse::<f32>) {
+        None => Ok(None),
+        Some(Ok(r)) if r > 0.0 && r.is_finite() => Ok(Some(r)),
+        Some(_) => Err(format!("\"{}\" is no radius above 0", number.unwrap_or_default())),
+    };
+    match name {
+        "ad" if number.is_none() => Ok(Kernel::Footprint),
+        "knn" => match number.map(count) {
+            None => Ok(Kernel::Nearest { k: NEAREST }),
+            Some(Ok(k @ 2..=1_000_000)) => Ok(Kernel::Nearest { k: k as u32 }),
+            Some(_) => Err(format!("\"{}\" is no number of photons between 2 and 1M", number.unwrap_or_default())),
+        },
+        "fixed" => Ok(Kernel::Fixed { radius: radius()? }),
+        "progressive" => Ok(Kernel::Progressive { radius: radius()? }),
+        _ => Err("expected ad, knn[:K], fixed[:R] or progressive[:R]".into()),
     }
 }
 
@@ -116,6 +141,20 @@ pub fn definition(text: &str) -> Result<(String, String), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn kernels_have_a_name_and_perhaps_a_number() {
+        assert_eq!(kernel("ad"), Ok(Kernel::Footprint));
+        assert_eq!(kernel("knn"), Ok(Kernel::Nearest { k: 50 }));
+        assert_eq!(kernel("knn:2K"), Ok(Kernel::Nearest { k: 2000 }));
+        assert_eq!(kernel("fixed"), Ok(Kernel::Fixed { radius: None }));
+        assert_eq!(kernel("progressive:0.5"), Ok(Kernel::Progressive { radius: Some(0.5) }));
+        for wrong in
+            ["", "AD", "ad:3", "knn:1", "knn:x", "knn:", "fixed:0", "fixed:-1", "fixed:inf", "fixed:NaN", "cone"]
+        {
+            assert!(kernel(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn durations() {

@@ -1,7 +1,7 @@
 //! The pieces of a render that `render` and `compare` share: from flags to a scene, an integrator, limits and references.
 
 use super::Failure;
-use super::flags::{IntegratorChoice, KernelChoice, Part};
+use super::flags::{IntegratorChoice, Part};
 use super::load::{crop_film, scale_film};
 use super::options;
 use super::output::Aov;
@@ -19,7 +19,6 @@ use crate::scene::description::{IntegratorDesc, PhotonDesc};
 use crate::transport::World;
 use crate::transport::cache_file::CacheFileError;
 use crate::transport::direct::DirectSettings;
-use crate::transport::photon_map::Kernel;
 use crate::transport::strategies::StrategySettings;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -28,9 +27,6 @@ use std::time::Duration;
 
 /// Samples per pixel where neither the command line nor the file says anything.
 const DEFAULT_PASSES: u64 = 64;
-
-/// Photons that `--kernel knn` asks for.
-const NEAREST: u32 = 50;
 
 /// Reads the scene file and gives the film the size and window that the flags ask for.
 pub fn describe(args: &RenderArgs) -> Result<Loaded, Failure> {
@@ -152,12 +148,7 @@ fn photon_settings(args: &RenderArgs, scene: &Scene) -> PhotonSettings {
     PhotonSettings {
         path: path_settings(args, &scene.integrator),
         emission: flags.emission.unwrap_or(default.emission),
-        kernel: match flags.kernel {
-            None | Some(KernelChoice::Ad) => Kernel::Footprint,
-            Some(KernelChoice::Knn) => Kernel::Nearest { k: NEAREST },
-            Some(KernelChoice::Fixed) => Kernel::Fixed { radius: None },
-            Some(KernelChoice::Progressive) => Kernel::Progressive { radius: None },
-        },
+        kernel: flags.kernel.unwrap_or(default.kernel),
         direct: DirectSettings {
             sampling: flags.light_sampling.unwrap_or(default.direct.sampling),
             samples: flags.light_samples.unwrap_or(default.direct.samples),

@@ -190,7 +190,7 @@ impl Comparison {
             passes: mean(&end(|p| p.passes as f64)),
             samples: count(|c| c.samples),
             rays: count(|c| c.rays),
-            shadow_rays: count(|c| c.shadow_rays),
+            shadow_rays: count(Counts::all_shadow_rays),
             photons: count(|c| c.photons),
             counts: c.runs[0].counts,
             favoured_pixels: c.runs[0].favoured_pixels,

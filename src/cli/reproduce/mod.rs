@@ -45,9 +45,13 @@ pub struct ReproduceArgs {
     /// Reference image of the scene, or two independent halves of one [default: one is rendered with `path`].
     #[arg(long, value_name = "FILE", num_args = 1..=2)]
     reference: Vec<PathBuf>,
-    /// CPU time of each run of the ablation; runs for the caustic alone get a tenth of it. nabata: half that of each half of a reference.
+    /// CPU time; namae-makino: runs for the caustic alone get a twentieth, each half of their references 2.5 times, and each half of
+    /// a rendered reference four times it. nabata: half that of each half of a reference.
     #[arg(long, default_value = "20s", value_parser = options::duration)]
     budget: Duration,
+    /// Run these experiments of a paper only, by their names; the figures of others are null.
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
     /// Runs of each configuration, with as many seeds.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     seeds: u64,
@@ -153,6 +157,7 @@ pub fn run(args: &ReproduceArgs) -> Result<(), Failure> {
         Paper::Yue => ("yue", (Vec::new(), Vec::new())),
     };
     let measured_alone = experiments.is_empty();
+    let experiments = chosen(experiments, &args.only)?;
     let stop = session::stop_on_signals()?;
     let (ready, mut unavailable) = prepare(args, experiments);
     unavailable.extend(missing);
@@ -209,6 +214,16 @@ fn prepare(
         }
     }
     (ready, unavailable)
+}
+
+/// The experiments that are asked for by name; all if none is.
+fn chosen(experiments: Vec<Experiment>, only: &[String]) -> Result<Vec<Experiment>, Failure> {
+    let names: Vec<&str> = experiments.iter().map(|e| e.name).collect();
+    if let Some(unknown) = only.iter().find(|o| !names.contains(&o.as_str())) {
+        return Err(format!("--only {unknown}: there is no such experiment; there are: {}", names.join(", ")).into());
+    }
+    let wanted = |e: &Experiment| only.is_empty() || only.iter().any(|o| o == e.name);
+    Ok(experiments.into_iter().filter(wanted).collect())
 }
 
 fn study(args: &ReproduceArgs, e: Experiment) -> Result<Study, String> {
@@ -323,6 +338,19 @@ mod tests {
             seeds: 2,
             reference: ReferenceFrom::Rendered { flags: "--integrator path".into(), budget: Budget::Passes(8) },
         }
+    }
+
+    #[test]
+    fn experiments_can_be_chosen_by_name() {
+        let list = || vec![experiment("first", ""), experiment("second", "")];
+        let names = |only: &[&str]| -> Vec<&'static str> {
+            let only: Vec<String> = only.iter().map(|o| o.to_string()).collect();
+            chosen(list(), &only).unwrap().iter().map(|e| e.name).collect()
+        };
+        assert_eq!(names(&[]), ["first", "second"]);
+        assert_eq!(names(&["second"]), ["second"]);
+        let unknown = chosen(list(), &["third".into()]).err().expect("no such experiment").to_string();
+        assert!(unknown.contains("third") && unknown.contains("first, second"), "{unknown}");
     }
 
     #[test]

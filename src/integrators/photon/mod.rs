@@ -55,6 +55,8 @@ const MOST_LIGHT_SAMPLES: f32 = 10.0;
 const LEAST_LIGHT_SAMPLES: u32 = 4;
 /// Share of verdicts that must save samples: a verdict costs about as much as four shadow rays, and saves up to sixteen.
 const LEAST_USEFUL: f32 = 0.25;
+/// Samples of a pixel in each pass where nothing is adaptive: as many as Namae and Makino took.
+const FULL_SAMPLES: f32 = 16.0;
 /// Records that the first pass may add however few pixels there are.
 const LEAST_RECORDS: usize = 1000;
 
@@ -295,7 +297,7 @@ impl Integrator for Photon<'_> {
     fn prepare(&mut self, pass: u64, over: &(dyn Fn() -> bool + Sync)) {
         let pixels = self.window[2] as usize * self.window[3] as usize;
         match (self.settings.antialiasing, pass) {
-            (Antialiasing::Full, 0) => self.samples = vec![f32::from(AntialiasSettings::default().samples); pixels],
+            (Antialiasing::Full, 0) => self.samples = vec![FULL_SAMPLES; pixels],
             // What edges want is found out after the first pass.
             (Antialiasing::Off | Antialiasing::Adaptive, 0) => self.samples = vec![1.0; pixels],
             (Antialiasing::Adaptive, 1) if !over() => {

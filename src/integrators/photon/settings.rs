@@ -35,7 +35,7 @@ pub enum Antialiasing {
     /// More where the detector finds edges.
     #[default]
     Adaptive,
-    /// As many as on edges, everywhere.
+    /// Sixteen, everywhere.
     Full,
     /// One.
     Off,
