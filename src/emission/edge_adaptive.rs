@@ -78,6 +78,8 @@ pub struct Stratum {
     pub photons: usize,
     /// First of them.
     pub first: usize,
+    /// Photons drawn before the counts were changed for the last time.
+    drawn: u64,
     weight: f64,
     /// What each axis contributes to what the cell spans, world units.
     extent: [f64; 4],
@@ -109,6 +111,8 @@ pub struct EdgeAdaptive<'a> {
     rest: Uniform<'a>,
     power: Vec<f64>,
     n: usize,
+    /// First pass of the present counts.
+    since: u64,
     seed: u64,
     sequence: Sequence,
     summary: Summary,
@@ -153,7 +157,7 @@ impl Builder<'_, '_> {
             (false, None) => LOST,
         };
         let weight = flux * sigma;
-        Some(Stratum { cell, flux, event, photons: 0, first: 0, weight, extent, width: [0.0; 4] })
+        Some(Stratum { cell, flux, event, photons: 0, first: 0, drawn: 0, weight, extent, width: [0.0; 4] })
     }
 
     /// What the centre ray meets, and where; the size of the scene if nothing.
@@ -215,13 +219,19 @@ impl<'a> EdgeAdaptive<'a> {
         };
         let rest = Uniform::with(scene, sources, settings.sequence, seed ^ 1);
         let sequence = settings.sequence;
-        let mut adaptive = EdgeAdaptive { cutters, strata, rest, power, n, seed, sequence, summary };
+        let mut adaptive = EdgeAdaptive { cutters, strata, rest, power, n, since: 0, seed, sequence, summary };
         adaptive.allocate(None);
         adaptive
     }
 
-    /// As [`Uniform::set_light_weights`]: lights are given photons by what they achieved, cells keep their part of their light.
-    pub fn set_light_weights(&mut self, learned: &[f32]) {
+    /// As [`Uniform::set_light_weights`], from pass `pass` on: lights are given photons by what they achieved, cells keep their part of
+    /// their light and go on with their own sequence.
+    pub fn set_light_weights(&mut self, learned: &[f32], pass: u64) {
+        for s in &mut self.strata {
+            s.drawn += pass.saturating_sub(self.since) * s.photons as u64;
+        }
+        self.since = pass;
+        self.rest.renew_numbers();
         self.allocate(Some(learned));
     }
 
@@ -369,7 +379,7 @@ impl EmissionDensity for EdgeAdaptive<'_> {
         let id = self.strata.partition_point(|s| s.first <= index) - 1;
         let s = &self.strata[id];
         let cutter = self.cutters[s.cell.light as usize].as_ref()?;
-        let j = pass * s.photons as u64 + (index - s.first) as u64;
+        let j = s.drawn + pass.saturating_sub(self.since) * s.photons as u64 + (index - s.first) as u64;
         let v = numbers(self.sequence, self.seed, id as u64, j);
         let f = if cutter.source.has_direction() { [v[2], v[3], v[0], v[1]] } else { v };
         let (start, factor) = cutter.draw(&s.cell, f)?;
@@ -381,6 +391,10 @@ impl EmissionDensity for EdgeAdaptive<'_> {
             stratum: id as u32,
             spread: start.spread(s.width.map(|w| 0.5 * w)),
         })
+    }
+
+    fn set_light_weights(&mut self, learned: &[f32], pass: u64) {
+        EdgeAdaptive::set_light_weights(self, learned, pass);
     }
 
     fn density_map(&self, light: u32, size: usize) -> Option<DensityMap> {

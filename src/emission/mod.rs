@@ -74,6 +74,12 @@ pub trait EmissionDensity: Sync {
     /// Photon `index` of pass `pass`: a pure function. `None` if it has no power (a dark texel, the back of a lamp).
     fn emit(&self, index: usize, pass: u64) -> Option<EmittedRay>;
 
+    /// Shifts photons to the lights that have achieved more, from pass `pass` on: one number per light of `Lights::infos`, in any unit. To
+    /// be called between passes only, at fixed ones. Densities that choose among no lights ignore it.
+    fn set_light_weights(&mut self, learned: &[f32], pass: u64) {
+        let _ = (learned, pass);
+    }
+
     /// A picture of the density of a light, faces of `size` x `size` pixels; `None` if it is the natural one.
     fn density_map(&self, light: u32, size: usize) -> Option<DensityMap> {
         let _ = (light, size);

@@ -99,7 +99,13 @@ impl<'a> Uniform<'a> {
     /// What photons of each light have achieved, in any unit, one number per light of `Lights::infos`: nine tenths of the photons follow
     /// it, the rest power. To be called between passes only, at fixed ones.
     pub fn set_light_weights(&mut self, learned: &[f32]) {
+        self.renew_numbers();
         self.set_allocation(Allocation::new(&light_weights(powers(self.scene), Some(learned)), self.n));
+    }
+
+    /// Other numbers from here on: with other counts a sequence that goes on from pass to pass would repeat itself.
+    pub(super) fn renew_numbers(&mut self) {
+        self.seed = hash(self.seed, 1);
     }
 
     /// Photons of each light.
@@ -183,6 +189,10 @@ impl<'a> Uniform<'a> {
 }
 
 impl EmissionDensity for Uniform<'_> {
+    fn set_light_weights(&mut self, learned: &[f32], _: u64) {
+        Uniform::set_light_weights(self, learned);
+    }
+
     fn count(&self) -> usize {
         self.allocation.total()
     }

@@ -214,7 +214,7 @@ fn learned_weights_move_photons_between_lights_and_not_flux() {
         (0..d.count()).filter(|&i| d.emit(i, 0).is_some_and(|r| r.light == light)).count()
     };
     let before = [0, 1, 2].map(|l| of(&adaptive, l));
-    adaptive.set_light_weights(&[0.0, 1.0, 0.0]);
+    adaptive.set_light_weights(&[0.0, 1.0, 0.0], 0);
     let after = [0, 1, 2].map(|l| of(&adaptive, l));
     assert!(after[1] > before[1] * 3 / 2 && after.iter().all(|&n| n > 0), "{before:?} {after:?}");
     let (mean, _) = moments(&adaptive, 4, &|r| f64::from(r.flux.y));

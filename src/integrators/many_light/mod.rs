@@ -228,9 +228,9 @@ impl Integrator for ManyLight<'_> {
     }
 
     fn prepare(&mut self, pass: u64, _over: &(dyn Fn() -> bool + Sync)) {
-        if let Some(caustics) = &self.caustics {
-            self.map = Some(caustics.map(pass));
+        if let Some(caustics) = &mut self.caustics {
             self.prepared.photons += caustics.emitted();
+            self.map = Some(caustics.map(pass));
         }
         if pass == 0 && !self.sources.is_empty() && self.settings.strategy.strategy.needs_cache() {
             let pixels = self.window[2] as usize * self.window[3] as usize;

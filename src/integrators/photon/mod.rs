@@ -17,6 +17,7 @@ mod allocate;
 pub(super) mod caustics;
 mod eye;
 mod global;
+mod learned_lights;
 pub mod places;
 mod settings;
 
@@ -306,8 +307,8 @@ impl Integrator for Photon<'_> {
             }
             _ => {}
         }
-        self.map = self.caustics.as_ref().map(|c| c.map(pass));
         self.emitted += self.caustics.as_ref().map_or(0, Caustics::emitted);
+        self.map = self.caustics.as_mut().map(|c| c.map(pass));
         self.global_map = self.global.as_ref().map(|g| g.map(pass));
         self.emitted += self.global.as_ref().map_or(0, Global::count);
         self.renew_cache(pass, over);
