@@ -34,6 +34,8 @@ struct Table {
     transmittance: Vec<f32>,
     /// Index alpha * ETAS + eta.
     internal: Vec<f32>,
+    /// 2 int T mu dmu from outside, by the same index.
+    mean: Vec<f32>,
 }
 
 /// The table seen at one roughness and index.
@@ -72,6 +74,11 @@ impl Transmittance {
             let row = &self.table.transmittance[node * COSINES + c..];
             row[0] + w * (row[1] - row[0])
         })
+    }
+
+    /// Share of diffuse light from outside that gets in.
+    pub fn mean(&self) -> f32 {
+        self.blend(|node| self.table.mean[node])
     }
 
     /// Share of diffuse light from inside that is reflected back.
@@ -123,8 +130,21 @@ impl Table {
                 }
             }
         }
-        Table { transmittance, internal }
+        let mean = transmittance.chunks_exact(COSINES).map(cosine_mean).collect();
+        Table { transmittance, internal, mean }
     }
+}
+
+/// 2 int T mu dmu of a row of the table, which is linear in t = sqrt(mu) between its nodes: 4 int T t^3 dt.
+fn cosine_mean(row: &[f32]) -> f32 {
+    let step = 1.0 / (row.len() - 1) as f64;
+    let piece = |(k, ends): (usize, &[f32])| {
+        let (a, b) = (f64::from(ends[0]), f64::from(ends[1]));
+        let (t0, t1) = (k as f64 * step, (k + 1) as f64 * step);
+        let slope = (b - a) / step;
+        (a - slope * t0) * (t1.powi(4) - t0.powi(4)) + slope * 0.8 * (t1.powi(5) - t0.powi(5))
+    };
+    row.windows(2).enumerate().map(piece).sum::<f64>() as f32
 }
 
 /// Share of the light from `wo` that a facet reflects into the open.

@@ -140,3 +140,21 @@ fn no_more_is_scattered_than_comes_in() {
         }
     }
 }
+
+/// Irradiance times albedo is what a cache takes the base of a plastic to reflect.
+#[test]
+fn the_albedo_of_a_diffuse_part_is_its_integral() {
+    let mut plastics: Vec<Case> = cases().into_iter().filter(|(name, _)| name.contains("plastic")).collect();
+    plastics.push(("rough plastic", vec![plastic(1.49, 0.7, 1.0, false, Some(rough(Ggx, 0.4, 0.4)))]));
+    let mut compared = 0;
+    for (name, materials) in plastics {
+        for wo in views().into_iter().filter(|wo| wo.z > 0.0) {
+            let Some(base) = resolve(&materials, &flat(), wo).split().0 else { continue };
+            let integral: f64 = integrate(|wi| base.eval(wo, wi, Transport::Radiance).y).iter().sum();
+            let albedo = f64::from(base.albedo(wo).y);
+            compared += 1;
+            assert!((albedo / integral - 1.0).abs() < 0.01, "{name} {wo}: {albedo} against {integral}");
+        }
+    }
+    assert!(compared >= 20, "{compared}");
+}
