@@ -178,6 +178,13 @@ impl EdgeDetector<'_> {
                 return if all { self.all(&view, Some(exclude)) } else { self.any(&view, Some(exclude)) };
             }
         }
+        // A smooth mesh goes on round the start with facets that the footprint covers, hundreds where they are small. What lies no farther
+        // than the origins are apart the ray before has in its own footprint: the walk starts beyond.
+        let mut t = t;
+        if is_smooth(&self.scene.shapes[at.shape as usize].geometry) {
+            let apart: f64 = (0..N).map(|k| ray.o.partial(k).norm2().sqrt()).sum();
+            t[0] = segment.grow * apart / ray.d.re().norm2().sqrt();
+        }
         // Only rays that come back to where they start: other surfaces may end, or bend, within the footprint.
         let third = third::<J, N>(ray);
         let own = || front().filter(|f| f.0 == at.shape);
