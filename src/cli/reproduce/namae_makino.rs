@@ -61,8 +61,14 @@ const UNIFORM_KERNELS: [(&str, &str); 7] = [
     ("uniform, fixed 0.2", "fixed:0.2"),
 ];
 /// The same where passes go on.
-const PROGRESSIVE_KERNELS: [(&str, &str); 3] =
-    [("uniform, k nearest", "knn"), ("uniform, fixed", "fixed"), ("uniform, progressive", "progressive")];
+const PROGRESSIVE_KERNELS: [(&str, &str); 6] = [
+    ("uniform, 5 nearest", "knn:5"),
+    ("uniform, 10 nearest", "knn:10"),
+    ("uniform, 20 nearest", "knn:20"),
+    ("uniform, 50 nearest", "knn:50"),
+    ("uniform, fixed", "fixed"),
+    ("uniform, progressive", "progressive"),
+];
 
 const DOUBTS: [&str; 2] = [
     "15,538 stands for the seconds of the conventional picture and for its stored caustic photons; one is probably a slip. No ratio \
