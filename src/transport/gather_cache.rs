@@ -10,6 +10,7 @@
 
 use super::World;
 use super::cache_file::{Stored, stored};
+use super::coat::Coat;
 use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
@@ -194,14 +195,16 @@ impl GatherCache {
         for &record in records {
             let place = self.places[record].surface_point();
             let frame = self.frame(record);
+            let coat = Coat::new(world, &self.places[record]);
             for i in 0..n {
                 let index = (record * n + i) as u64;
                 let jitter = hash(hash(self.seed, JITTER), index);
                 let u = Vec2::new(unit_f32(jitter), unit_f32(jitter << 24));
                 let d = frame.to_world(self.strata.direction(i, u));
+                let response = coat.response(d);
                 let mut rng = Sampler::new(hash(self.seed, CHAIN), record as u64, i as u64);
                 let g = world.gather(place.spawn_origin(d), d, &mut rng, &mut counts, |v| {
-                    glossy.push((index as u32, v));
+                    glossy.push((index as u32, v.scaled(response)));
                 });
                 let mut hit = GatherHit {
                     direction: d,
@@ -213,7 +216,7 @@ impl GatherCache {
                 let mut unknown = None;
                 if let Some(end) = g.end {
                     let facet = Facet::seen_from(&end.at, end.wo);
-                    hit.weight = end.weight;
+                    hit.weight = end.weight * response;
                     match surfels.find(world, &facet, g.distance) {
                         Some(k) => hit.surfel = k,
                         None => unknown = Some((facet, g.distance)),

@@ -63,6 +63,16 @@ pub enum GlossyLight {
     },
 }
 
+impl GlossyLight {
+    /// The same with its throughput times `factor`.
+    pub fn scaled(mut self, factor: f32) -> Self {
+        match &mut self {
+            GlossyLight::Vertex { throughput, .. } | GlossyLight::Met { throughput, .. } => *throughput *= factor,
+        }
+        self
+    }
+}
+
 /// What a gather ray found.
 #[derive(Clone, Copy, Debug)]
 pub struct GatherEnd {

@@ -16,6 +16,7 @@
 //! Verified by tests/sky.rs
 
 use super::World;
+use super::coat::Coat;
 use super::gather_cache::GatherHit;
 use super::gather_ray::RayCounts;
 use super::gather_strata::Strata;
@@ -49,6 +50,7 @@ pub fn sky(
     let near = neighbourhoods(strata, hits);
     let total: f32 = near.iter().sum();
     let at = place.surface_point();
+    let coat = Coat::new(world, place);
     let scene = world.scene;
     (0..n)
         .map(|i| {
@@ -63,7 +65,7 @@ pub fn sky(
                 }
                 counts.shadow_rays += 1;
                 let ray = Ray::leaving(&at, d);
-                sum += radiance * world.transmittance(ray, false).share;
+                sum += radiance * (coat.response(d) * world.transmittance(ray, false).share);
             }
             sum / count as f32
         })

@@ -23,6 +23,7 @@ pub mod cache_inspect;
 pub mod cache_placement;
 pub mod cache_record;
 mod cache_settings;
+pub mod coat;
 pub mod differential;
 pub mod direct;
 pub mod emitter_vpls;

@@ -1,12 +1,13 @@
 //! Direct light of surfels, by light samples averaged over the cell.
 //!
-//! Estimates   D = mean over the samples of weight cos V at places spread over the cell, lights by [`World::sample_light`]
+//! Estimates   D = mean over the samples of weight cos r V (r: `coat.rs`) at places spread over the cell, lights by [`World::sample_light`]
 //! Number      two estimates at each of the first surfels tell the variance of one sample; enough are taken for `DIRECT_VARIANCE`, a record
 //!             averages hundreds of surfels. One number for all surfels, a function of the first ones
 //! Bias        none
 //! Verified by tests/irradiance_cache.rs (with the rest of the cache)
 
 use super::World;
+use super::coat::Coat;
 use super::gather_ray::RayCounts;
 use super::light_tree::LitPoint;
 use super::surfel_light::SurfelSettings;
@@ -90,9 +91,10 @@ pub(super) fn direct(
     stream: u64,
     counts: &mut RayCounts,
 ) -> Rgb {
+    let coats: ArrayVec<Coat, { SPREAD as usize }> = places.iter().map(|p| Coat::new(world, p)).collect();
     let sample = |s: u32| {
-        let place = &places[s as usize % places.len()];
-        direct_sample(world, place, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts)
+        let k = s as usize % places.len();
+        direct_sample(world, &places[k], &coats[k], Sampler::new(seed, stream, u64::from(s)).next_4d(), counts)
     };
     (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
 }
@@ -106,11 +108,19 @@ pub fn direct_irradiance(
     stream: u64,
     counts: &mut RayCounts,
 ) -> Rgb {
-    let sample = |s: u32| direct_sample(world, place, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts);
+    let coat = Coat::new(world, place);
+    let sample =
+        |s: u32| direct_sample(world, place, &coat, Sampler::new(seed, stream, u64::from(s)).next_4d(), counts);
     (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
 }
 
-fn direct_sample(world: &World, place: &Facet, [ux, uy, u_light, _]: [f32; 4], counts: &mut RayCounts) -> Rgb {
+fn direct_sample(
+    world: &World,
+    place: &Facet,
+    coat: &Coat,
+    [ux, uy, u_light, _]: [f32; 4],
+    counts: &mut RayCounts,
+) -> Rgb {
     let at = LitPoint { p: place.p, n: Some(place.n_shade) };
     let sample = world.sample_light(&at, u_light, Vec2::new(ux, uy));
     let Some(LightSample { wi, distance, weight, .. }) = sample else { return Rgb::ZERO };
@@ -119,5 +129,8 @@ fn direct_sample(world: &World, place: &Facet, [ux, uy, u_light, _]: [f32; 4], c
         return Rgb::ZERO;
     }
     counts.shadow_rays += 1;
-    weight * (cos * world.transmittance(world.shadow_ray(&place.surface_point(), wi, distance), false).share)
+    weight
+        * (cos
+            * coat.response(wi)
+            * world.transmittance(world.shadow_ray(&place.surface_point(), wi, distance), false).share)
 }

@@ -20,6 +20,7 @@
 
 use super::World;
 use super::cache_file::stored;
+use super::coat::Coat;
 use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
 use super::surfel_direct::{direct, places_of, samples_needed};
 use super::surfels::{Facet, Surfels};
@@ -253,16 +254,18 @@ impl SurfelLight {
                 for &k in chunk.iter().filter(|&&k| surfels.is_large(k)) {
                     let place = surfels.places()[k];
                     let (at, frame) = (place.surface_point(), Frame::from_normal(place.n_shade));
+                    let coat = Coat::new(world, &place);
                     for i in 0..n {
                         let mut rng = Sampler::new(hash(seed, ROWS), k as u64, u64::from(i));
                         let d = frame.to_world(warp::sample_cosine_hemisphere(rng.next_2d()));
+                        let response = coat.response(d);
                         let g = world.gather(at.spawn_origin(d), d, &mut rng, &mut counts, |v| {
-                            glossy.push((k as u32, v));
+                            glossy.push((k as u32, v.scaled(response)));
                         });
                         found.push(g.end.map(|end| {
                             let facet = Facet::seen_from(&end.at, end.wo);
                             let surfel = surfels.find(world, &facet, f32::INFINITY);
-                            Found { at: facet, weight: end.weight, surfel }
+                            Found { at: facet, weight: end.weight * response, surfel }
                         }));
                     }
                 }

@@ -59,23 +59,25 @@ pub struct Facet {
     pub n_geo: Vec3,
     /// Shading normal, unit.
     pub n_shade: Vec3,
+    /// Index of the shape, for its material.
+    pub shape: u32,
 }
 
-stored!(Facet { p, p_error, n_geo, n_shade });
+stored!(Facet { p, p_error, n_geo, n_shade, shape });
 
 impl Facet {
-    /// The side of a surface point that `wo` sees.
+    /// The side of a surface point that `wo` sees. Each normal is turned to `wo` by itself: materials reflect on the side of the *shading*
+    /// normal that `wo` is on (`scene::bsdf`), and where that is not the side of the surface, smoothed meshes are dark for paths, too.
     pub fn seen_from(at: &SurfacePoint, wo: Vec3) -> Self {
-        let n_geo = if at.n_geo.dot(wo) < 0.0 { -at.n_geo } else { at.n_geo };
-        let n_shade = if at.n_shade.dot(n_geo) < 0.0 { -at.n_shade } else { at.n_shade };
-        Facet { p: at.p, p_error: at.p_error, n_geo, n_shade }
+        let [n_geo, n_shade] = [at.n_geo, at.n_shade].map(|n| if n.dot(wo) < 0.0 { -n } else { n });
+        Facet { p: at.p, p_error: at.p_error, n_geo, n_shade, shape: at.shape }
     }
 
     /// The point as rays and shadow rays start from it.
     pub fn surface_point(&self) -> SurfacePoint {
-        let Facet { p, p_error, n_geo, n_shade } = *self;
+        let Facet { p, p_error, n_geo, n_shade, shape } = *self;
         let flat = Vec2::ZERO;
-        SurfacePoint { p, p_error, n_geo, n_shade, uv: flat, dp_du: Vec3::X, dp_dv: Vec3::Y, shape: 0, prim: 0 }
+        SurfacePoint { p, p_error, n_geo, n_shade, uv: flat, dp_du: Vec3::X, dp_dv: Vec3::Y, shape, prim: 0 }
     }
 }
 

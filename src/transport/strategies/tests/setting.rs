@@ -53,8 +53,13 @@ impl Setting {
         let room = room();
         let mut vpls = lights(n, seed);
         let mut tree = VplTree::build(&mut vpls);
-        let point =
-            |x: f32, z: f32| Facet { p: Vec3::new(x, 0.0, z), p_error: Vec3::ZERO, n_geo: Vec3::Y, n_shade: Vec3::Y };
+        let point = |x: f32, z: f32| Facet {
+            p: Vec3::new(x, 0.0, z),
+            p_error: Vec3::ZERO,
+            n_geo: Vec3::Y,
+            n_shade: Vec3::Y,
+            shape: 0,
+        };
         let points = (0..40).map(|i| point(2.0 * random(i, 8) - 1.0, 2.0 * random(i, 9) - 1.0)).collect();
         let cache = VisibilityCache::build(room.world(), &ShadingClusters::new(points, 12), &vpls, 1, 0);
         tree.count_visible(&cache);
