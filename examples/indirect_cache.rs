@@ -103,7 +103,7 @@ fn main() {
         min_radius_pixels: value("min", d.min_radius_pixels),
         max_radius: value("max", d.max_radius),
         surfel_cell: value("cell", d.surfel_cell),
-        bounces: value("bounces", d.bounces as f32) as u32,
+        bounces: d.bounces,
         seed: value("seed", 0.0) as u64,
     };
     let none = |_: Vec3, _: Vec3| Rgb::ZERO;

@@ -50,7 +50,8 @@ fn another_light_needs_no_gather_ray_and_back_again_is_the_same() {
         cache.records().iter().zip(&before).filter(|(r, e)| (r.irradiance.x / e.x - 1.0).abs() > 0.05).count();
     assert!(4 * changed > before.len(), "the light has moved: {changed} of {}", before.len());
     for (i, record) in cache.records().iter().enumerate().step_by(before.len() / 8) {
-        let facet = Facet { p: record.p, p_error: Vec3::splat(1e-6), n_geo: record.frame.n, n_shade: record.frame.n };
+        let facet =
+            Facet { p: record.p, p_error: Vec3::splat(1e-6), n_geo: record.frame.n, n_shade: record.frame.n, shape: 0 };
         let (expected, sigma) = brute_force(&second.world(), &facet, 20_000, i as u64);
         let got = record.irradiance.x;
         assert!((got - expected).abs() < 0.08 * expected + 3.0 * sigma, "{got}, not {expected} +- {sigma}");

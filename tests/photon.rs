@@ -196,14 +196,21 @@ fn the_same_bits_for_any_number_of_threads() {
     }
 }
 
+/// Diffuse walls alone, and with a mirror and glass in the room: what is seen in them has fewer bounces left.
 #[test]
 fn depth_limits_end_paths() {
-    let scene = with(materials()[0].1.clone());
-    for max_depth in [1, 2] {
-        let path = PathSettings { max_depth: Some(max_depth), ..PathSettings::default() };
-        let (a, a_error) = photon_mean(6, 8, &scene, PhotonSettings { path, ..PhotonSettings::default() });
-        let (b, b_error) = mean_over_runs(6, |seed| render_path(scene(), path, 64, seed));
-        assert!((a - b).abs() <= LIMIT * a_error.hypot(b_error) + 2e-3 * b, "{max_depth}: {a}, path {b}");
+    for (k, depths) in [(0, &[1, 2, 3, 4, 6][..]), (1, &[3, 5]), (2, &[4])] {
+        let scene = with(materials()[k].1.clone());
+        let mut before = f64::NEG_INFINITY;
+        for &max_depth in depths {
+            let path = PathSettings { max_depth: Some(max_depth), ..PathSettings::default() };
+            let (a, a_error) = photon_mean(6, 8, &scene, PhotonSettings { path, ..PhotonSettings::default() });
+            let (b, b_error) = mean_over_runs(6, |seed| render_path(scene(), path, 64, seed));
+            assert!((a - b).abs() <= LIMIT * a_error.hypot(b_error) + 3e-3 * b, "{k}, {max_depth}: {a}, path {b}");
+            // Another depth would be seen.
+            assert!(b > before + 2.0 * LIMIT * a_error.hypot(b_error), "{k}, {max_depth}: {before}, then {b}");
+            before = b;
+        }
     }
 }
 

@@ -24,8 +24,8 @@ pub struct CacheSettings {
     pub surfel_rays: u32,
     /// Light samples per surfel.
     pub light_samples: u32,
-    /// Most scatterings between surfels, beside that at the record and that at the surfel which it sees; `u32::MAX`: all.
-    pub bounces: u32,
+    /// Most times that light goes on from surface to surface before a gather ray meets it; `None`: no limit. 0: hits are lit by lamps alone.
+    pub bounces: Option<u32>,
     /// Seed of all random numbers.
     pub seed: u64,
 }
@@ -40,7 +40,7 @@ impl Default for CacheSettings {
             surfel_cell: 0.06,
             surfel_rays: 16,
             light_samples: 8,
-            bounces: u32::MAX,
+            bounces: None,
             seed: 0,
         }
     }

@@ -86,6 +86,8 @@ pub struct GatherCache {
     pub strata: Strata,
     /// Rays traced.
     pub counts: RayCounts,
+    /// Longest chains that bring light; `None`: no limit.
+    pub most_segments: Option<u32>,
     rays: u32,
     seed: u64,
     places: Vec<Facet>,
@@ -120,6 +122,7 @@ impl GatherCache {
         GatherCache {
             strata: Strata::new(rays),
             counts: RayCounts::default(),
+            most_segments: None,
             rays,
             seed,
             places: Vec::new(),
@@ -214,7 +217,7 @@ impl GatherCache {
                     packed_normal: pack_normal(g.normal),
                 };
                 let mut unknown = None;
-                if let Some(end) = g.end {
+                if let Some(end) = g.end.filter(|_| self.most_segments.is_none_or(|most| g.segments <= most)) {
                     let facet = Facet::seen_from(&end.at, end.wo);
                     hit.weight = end.weight * response;
                     match surfels.find(world, &facet, g.distance) {

@@ -78,6 +78,8 @@ impl GlossyLight {
 pub struct GatherEnd {
     /// Length of the whole chain up to the end, infinite for rays that leave the scene.
     pub distance: f32,
+    /// Rays of the chain.
+    pub segments: u32,
     /// Geometric normal at the end towards the ray, where the chain has no corner; else against the first direction.
     pub normal: Vec3,
     /// The diffuse surface at its end, `None` if the ray left the scene or was absorbed.
@@ -171,7 +173,7 @@ impl World<'_> {
         mut on_glossy: impl FnMut(GlossyLight),
     ) -> GatherEnd {
         let mut ray = Ray { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
-        let mut found = GatherEnd { distance: 0.0, normal: -d, end: None };
+        let mut found = GatherEnd { distance: 0.0, segments: 0, normal: -d, end: None };
         let (mut throughput, mut straight) = (Rgb::ONE, true);
         // Where the last glossy direction was drawn, and with what density.
         let mut glossy: Option<(Vec3, f32)> = None;
@@ -187,6 +189,7 @@ impl World<'_> {
                 return found;
             };
             found.distance += hit.t;
+            found.segments += 1;
             let at = self.surface(&ray, &hit);
             let wo = -ray.d;
             if straight {

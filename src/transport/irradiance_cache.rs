@@ -36,6 +36,7 @@ use super::cache_record::{BORDER, RadiusLimits, Record};
 use super::cache_settings::{CacheSettings, CacheStatistics, Place};
 use super::gather_cache::GatherCache;
 use super::gather_ray::RayCounts;
+use super::gather_strata::Estimate;
 use super::sphere_octree::SphereOctree;
 use super::surfel_light::{HitLight, SurfelLight, SurfelSettings};
 use super::surfels::Facet;
@@ -76,10 +77,12 @@ impl<'a> IrradianceCache<'a> {
     /// An empty cache.
     pub fn new(world: World<'a>, settings: CacheSettings) -> Self {
         let (center, radius) = world.scene.bounds;
+        let mut gather = GatherCache::new(settings.gather_rays, settings.seed);
+        gather.most_segments = settings.bounces.map(|n| n + 1);
         IrradianceCache {
             world,
             settings,
-            gather: GatherCache::new(settings.gather_rays, settings.seed),
+            gather,
             light: None,
             records: Vec::new(),
             min_radii: Vec::new(),
@@ -218,6 +221,15 @@ impl<'a> IrradianceCache<'a> {
         self.index();
     }
 
+    /// Another limit of bounces, as of the next [`Self::finish`].
+    pub fn limit_bounces(&mut self, bounces: Option<u32>) {
+        self.settings.bounces = bounces;
+        self.gather.most_segments = bounces.map(|n| n + 1);
+        if let Some(light) = &mut self.light {
+            light.limit_bounces(bounces);
+        }
+    }
+
     /// Lowers the bound of the error: records stay, their radii shrink, so that [`Self::fill`] finds places for more.
     pub fn refine(&mut self, error: f32) {
         self.settings.error = error;
@@ -300,7 +312,7 @@ impl<'a> IrradianceCache<'a> {
         self.bound_by_neighbours();
     }
 
-    fn record(&self, i: usize, e: &crate::transport::gather_strata::Estimate, floor: f32) -> Record {
+    fn record(&self, i: usize, e: &Estimate, floor: f32) -> Record {
         let max = self.settings.max_radius * 2.0 * self.world.scene.bounds.1;
         let min = self.min_radii[i].max(1e-5 * max).min(max);
         let limits = RadiusLimits { error: self.settings.error, floor, min, max };

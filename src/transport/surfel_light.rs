@@ -10,7 +10,7 @@
 //! times the sum of what glossy vertices of the rays scatter from lamps; weight_r = throughput times albedo at the end of
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
 //! Solved by sweeps in the order of the surfels (Gauss-Seidel), which converge at least like albedo^k, to
-//! 1e-4 of the mean. With a limit of depth: that many terms of the Neumann series, E <- D + C + I(E) from E = D + C (Jacobi).
+//! 1e-4 of the mean. Where paths have a greatest length, one sweep over all of them (Jacobi) for each bounce: E = D + C + T (... + T (D + C)).
 //! Rays of surfels found the next ones, in the largest cells; ends of *their* rays for which there is no surfel take one in a wider
 //! neighbourhood, and where there is none that sees the place found one as well, and so on: light finds its way through any number of
 //! rooms. When there are too many, the rest of the row stands for the lost rays.
@@ -74,8 +74,8 @@ pub struct SurfelSettings {
     pub light_samples: u32,
     /// Gather rays per surfel.
     pub gather_rays: u32,
-    /// Most scatterings between surfels; `u32::MAX`: all.
-    pub bounces: u32,
+    /// Most bounces between surfels; `None`: no limit.
+    pub bounces: Option<u32>,
     /// Seed of all random numbers.
     pub seed: u64,
 }
@@ -156,6 +156,11 @@ impl SurfelLight {
         }
     }
 
+    /// Another limit of bounces, as of the next [`Self::solve`].
+    pub fn limit_bounces(&mut self, bounces: Option<u32>) {
+        self.settings.bounces = bounces;
+    }
+
     /// Irradiance of each surfel.
     pub fn irradiance(&self) -> &[Rgb] {
         &self.total
@@ -191,26 +196,27 @@ impl SurfelLight {
             values.extend_from_slice(&zeros);
         }
         self.light(world, light, first);
-        self.sweeps(first, 8);
+        self.sweeps(first, self.settings.bounces.unwrap_or(u32::MAX).min(8));
     }
 
     /// Solves for the irradiance of all surfels: a function of their direct light and rows alone.
     pub fn solve(&mut self) {
+        if let Some(bounces) = self.settings.bounces.filter(|&n| n < MAX_SWEEPS) {
+            self.bounce(bounces);
+            return;
+        }
         self.indirect.copy_from_slice(&self.scattered);
         for (k, total) in self.total.iter_mut().enumerate() {
             *total = self.own[k] + self.indirect[self.gatherer[k] as usize];
         }
-        match self.settings.bounces {
-            u32::MAX => self.sweeps(0, MAX_SWEEPS),
-            bounces => self.bounce(bounces),
-        }
+        self.sweeps(0, MAX_SWEEPS);
     }
 
-    /// The first terms of the Neumann series: light of `bounces` scatterings between surfels at most.
+    /// The first terms of the Neumann series, light of so many bounces and no more: each sweep reads the one before alone (Jacobi).
     fn bounce(&mut self, bounces: u32) {
         self.indirect.fill(Rgb::ZERO);
         self.total.copy_from_slice(&self.own);
-        for _ in 0..bounces.min(MAX_SWEEPS) {
+        for _ in 0..bounces {
             for k in (0..self.total.len()).filter(|&k| self.gatherer[k] as usize == k) {
                 self.indirect[k] = self.scattered[k] + self.gathered(k);
             }
@@ -244,7 +250,7 @@ impl SurfelLight {
     fn gather(&mut self, world: &World, start: usize, with_rows: bool, most: Option<usize>) {
         let n = if with_rows { self.settings.gather_rays } else { 0 };
         let indices: Vec<usize> = (start..self.surfels.len()).collect();
-        let (surfels, seed) = (&self.surfels, self.settings.seed);
+        let (surfels, seed, most_segments) = (&self.surfels, self.settings.seed, self.settings.bounces);
         let traced: Vec<_> = indices
             .par_chunks(CHUNK)
             .map(|chunk| {
@@ -262,7 +268,8 @@ impl SurfelLight {
                         let g = world.gather(at.spawn_origin(d), d, &mut rng, &mut counts, |v| {
                             glossy.push((k as u32, v.scaled(response)));
                         });
-                        found.push(g.end.map(|end| {
+                        let counted = g.end.filter(|_| most_segments.is_none_or(|most| g.segments <= most));
+                        found.push(counted.map(|end| {
                             let facet = Facet::seen_from(&end.at, end.wo);
                             let surfel = surfels.find(world, &facet, f32::INFINITY);
                             Found { at: facet, weight: end.weight * response, surfel }

@@ -40,6 +40,8 @@ use std::f32::consts::FRAC_1_PI;
 
 /// Probability that a prediction of the cache is checked by a path. The noise of the correction goes with 1 / u, the cost with u.
 const CHECK: f32 = 0.25;
+/// Greatest depth up to which a bounce more or less is seen.
+const MATTERS: u32 = 10;
 
 /// Greatest density per solid angle with which a glossy lobe sends rays that may end on surfels: their cells span a hundredth of a
 /// steradian (`surfels::CELL_PER_DISTANCE`), and the lobe is to cover several.
@@ -264,12 +266,16 @@ impl Eye<'_> {
         if !parts.indirect {
             return 0.0;
         }
+        if most < 2 {
+            // One segment is left: to a sky that direct light leaves out.
+            return f32::from(u8::from(self.sky));
+        }
         if let Some(map) = self.global {
             let light = map.radiance(at, diffuse, wo, Filter::INDIRECT.within(most));
             sample.add(b.throughput * light, Kind::Indirect, true);
             return 0.0;
         }
-        if b.indirect && self.settings.indirect == Indirect::Residual {
+        if self.has_too_many_bounces(b.depth) || (b.indirect && self.settings.indirect == Indirect::Residual) {
             return 1.0;
         }
         let facet = Facet::seen_from(at, wo);
@@ -293,12 +299,18 @@ impl Eye<'_> {
         if checked { CHECK } else { 0.0 }
     }
 
+    /// Whether the cache, which holds the bounces that are left behind the first surface, has more than are left at this depth, so that it shows.
+    fn has_too_many_bounces(&self, depth: u32) -> bool {
+        depth > 0 && self.settings.path.max_depth.is_some_and(|max| max <= MATTERS)
+    }
+
     /// Whole irradiance at the end of a ray that stands for many directions, if the cache knows it.
     fn at_surfel(&self, b: &Branch, end: &End) -> Option<Rgb> {
         let wide = b.indirect || matches!(b.came, Came::Glossy { pdf_dir, .. } if pdf_dir < WIDE);
         let parts = self.parts();
         let all = parts.direct && parts.caustic && parts.indirect;
-        if !wide || !(b.indirect || all) || self.settings.indirect != Indirect::Cache {
+        let too_deep = b.depth > 1 && self.has_too_many_bounces(b.depth);
+        if !wide || !(b.indirect || all) || too_deep || self.settings.indirect != Indirect::Cache {
             return None;
         }
         self.cache?.at_hit(&Facet::seen_from(end.at, end.wo), end.distance)

@@ -8,8 +8,9 @@
 //!             pictures of one camera path do not differ by their caches
 //! Source      Namae & Makino (photons, light samples, pixels where derivatives predict edges); Jensen 2001 (the split into
 //!             direct, caustic and indirect light); Yue, Onoue & Nishita (stored gather rays); Knaus & Zwicker 2011 (passes)
-//! Bias        kernels and interpolated irradiance: both shrink with the passes. With a limit of depth, bounces behind mirrors and
-//!             glass are counted as if the mirror were none
+//! Bias        kernels and interpolated irradiance: both shrink with the passes
+//! Depth       the cache holds the bounces that are left behind the first surface. Behind mirrors and glass fewer are: if that matters (up
+//!             to `MATTERS` segments in all) paths take its place. What gather rays meet in mirrors counts as if the mirror were none
 //! Not handled participating media
 //! Verified by tests/photon.rs (agreement with `path`, furnace, determinism), tests/references.rs
 
@@ -90,18 +91,17 @@ pub struct Photon<'a> {
     samples: Vec<f32>,
 }
 
+/// Settings of the first cache. A path from the eye by way of a record has three segments at least; what is left are bounces.
+fn cache_settings(settings: &PhotonSettings) -> CacheSettings {
+    CacheSettings { bounces: settings.path.max_depth.map(|max| max.saturating_sub(3)), ..CacheSettings::default() }
+}
+
 /// A cache from elsewhere.
 struct Loaded {
     /// As it came.
     as_it_was: CacheStatistics,
     /// Whether it has the light of this scene.
     same_light: bool,
-}
-
-/// Settings of a first cache. A limit of depth leaves what lies beyond eye - record - surfel - light to bounces between surfels.
-fn cache_settings(settings: &PhotonSettings) -> CacheSettings {
-    let bounces = settings.path.max_depth.map_or(u32::MAX, |depth| depth.saturating_sub(3));
-    CacheSettings { bounces, ..CacheSettings::default() }
 }
 
 impl<'a> Photon<'a> {
@@ -161,6 +161,7 @@ impl<'a> Photon<'a> {
         if !same_light {
             self.with_light(|light| cache.relight(self.world, light));
         }
+        cache.limit_bounces(cache_settings(&self.settings).bounces);
         self.fill(&mut cache, over);
         cache
     }
