@@ -40,7 +40,7 @@ const SKY: u64 = 0x6a5;
 pub struct GatherHit {
     /// Direction from the record, world, unit.
     pub direction: Vec3,
-    /// 1 / length of the chain of rays; 0 at infinity.
+    /// 1 / length of the chain of rays up to the first rough glossy surface, if it meets one; 0 at infinity.
     pub inverse_distance: f32,
     /// Factor on the irradiance of the surfel: throughput times albedo.
     pub weight: Rgb,
@@ -211,7 +211,7 @@ impl GatherCache {
                 });
                 let mut hit = GatherHit {
                     direction: d,
-                    inverse_distance: if g.distance > 0.0 { 1.0 / g.distance } else { 0.0 },
+                    inverse_distance: if g.depth > 0.0 { 1.0 / g.depth } else { 0.0 },
                     weight: Rgb::ZERO,
                     surfel: NO_SURFEL,
                     packed_normal: pack_normal(g.normal),

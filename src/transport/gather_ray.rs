@@ -78,9 +78,11 @@ impl GlossyLight {
 pub struct GatherEnd {
     /// Length of the whole chain up to the end, infinite for rays that leave the scene.
     pub distance: f32,
+    /// Length of the chain up to the first rough glossy surface, which glows like a diffuse one to those who move, else up to the end.
+    pub depth: f32,
     /// Rays of the chain.
     pub segments: u32,
-    /// Geometric normal at the end towards the ray, where the chain has no corner; else against the first direction.
+    /// Geometric normal at that depth towards the ray, where the chain has no corner before; else against the first direction.
     pub normal: Vec3,
     /// The diffuse surface at its end, `None` if the ray left the scene or was absorbed.
     pub end: Option<DiffuseEnd>,
@@ -173,14 +175,17 @@ impl World<'_> {
         mut on_glossy: impl FnMut(GlossyLight),
     ) -> GatherEnd {
         let mut ray = Ray { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
-        let mut found = GatherEnd { distance: 0.0, segments: 0, normal: -d, end: None };
-        let (mut throughput, mut straight) = (Rgb::ONE, true);
+        let mut found = GatherEnd { distance: 0.0, depth: 0.0, segments: 0, normal: -d, end: None };
+        let (mut throughput, mut straight, mut seen_through) = (Rgb::ONE, true, true);
         // Where the last glossy direction was drawn, and with what density.
         let mut glossy: Option<(Vec3, f32)> = None;
         for _ in 0..MAX_CHAIN {
             counts.rays += 1;
             let Some(hit) = self.accel.closest(&ray) else {
                 found.distance = f32::INFINITY;
+                if seen_through {
+                    found.depth = f32::INFINITY;
+                }
                 if let Some((from, pdf_dir)) = glossy
                     && self.scene.lights.has_environment()
                 {
@@ -190,6 +195,9 @@ impl World<'_> {
             };
             found.distance += hit.t;
             found.segments += 1;
+            if seen_through {
+                found.depth += hit.t;
+            }
             let at = self.surface(&ray, &hit);
             let wo = -ray.d;
             if straight {
@@ -210,6 +218,7 @@ impl World<'_> {
             };
             let rough = !rest.is_delta() && !nearly_specular(&rest, LobeKind::Glossy);
             if rough {
+                (straight, seen_through) = (false, false);
                 on_glossy(GlossyLight::Vertex { at, wo, throughput });
             }
             let [ux, uy, u_lobe, u_end] = rng.next_4d();
