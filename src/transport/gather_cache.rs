@@ -209,15 +209,18 @@ impl GatherCache {
                 let g = world.gather(place.spawn_origin(d), d, &mut rng, &mut counts, |v| {
                     glossy.push((index as u32, v.scaled(response)));
                 });
+                // Where chains may not be that long, the first surface is all there is, and black.
+                let too_long = self.most_segments.is_some_and(|most| g.segments > most);
+                let (depth, normal) = if too_long { g.first } else { (g.depth, g.normal) };
                 let mut hit = GatherHit {
                     direction: d,
-                    inverse_distance: if g.depth > 0.0 { 1.0 / g.depth } else { 0.0 },
+                    inverse_distance: if depth > 0.0 { 1.0 / depth } else { 0.0 },
                     weight: Rgb::ZERO,
                     surfel: NO_SURFEL,
-                    packed_normal: pack_normal(g.normal),
+                    packed_normal: pack_normal(normal),
                 };
                 let mut unknown = None;
-                if let Some(end) = g.end.filter(|_| self.most_segments.is_none_or(|most| g.segments <= most)) {
+                if let Some(end) = g.end.filter(|_| !too_long) {
                     let facet = Facet::seen_from(&end.at, end.wo);
                     hit.weight = end.weight * response;
                     match surfels.find(world, &facet, g.distance) {

@@ -82,6 +82,8 @@ pub struct GatherEnd {
     pub depth: f32,
     /// Rays of the chain.
     pub segments: u32,
+    /// Length of the first of them and normal where it ended, towards it.
+    pub first: (f32, Vec3),
     /// Geometric normal at that depth towards the ray, where the chain has no corner before; else against the first direction.
     pub normal: Vec3,
     /// The diffuse surface at its end, `None` if the ray left the scene or was absorbed.
@@ -175,7 +177,8 @@ impl World<'_> {
         mut on_glossy: impl FnMut(GlossyLight),
     ) -> GatherEnd {
         let mut ray = Ray { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
-        let mut found = GatherEnd { distance: 0.0, depth: 0.0, segments: 0, normal: -d, end: None };
+        let mut found =
+            GatherEnd { distance: 0.0, depth: 0.0, segments: 0, first: (f32::INFINITY, -d), normal: -d, end: None };
         let (mut throughput, mut straight, mut seen_through) = (Rgb::ONE, true, true);
         // Where the last glossy direction was drawn, and with what density.
         let mut glossy: Option<(Vec3, f32)> = None;
@@ -200,8 +203,12 @@ impl World<'_> {
             }
             let at = self.surface(&ray, &hit);
             let wo = -ray.d;
+            let n_geo = if at.n_geo.dot(wo) < 0.0 { -at.n_geo } else { at.n_geo };
             if straight {
-                found.normal = if at.n_geo.dot(wo) < 0.0 { -at.n_geo } else { at.n_geo };
+                found.normal = n_geo;
+            }
+            if found.segments == 1 {
+                found.first = (hit.t, n_geo);
             }
 
             if let Some((from, pdf_dir)) = glossy

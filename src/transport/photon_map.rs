@@ -288,7 +288,12 @@ impl CausticMap {
 
     /// Irradiance by caustic light at `p`, on the side of the unit normal `n_geo`.
     pub fn irradiance(&self, p: Vec3, n_geo: Vec3) -> Rgb {
-        self.photons.irradiance(p, n_geo, u32::MAX)
+        self.irradiance_within(p, n_geo, u32::MAX)
+    }
+
+    /// The same by ways of `most` segments at most.
+    pub fn irradiance_within(&self, p: Vec3, n_geo: Vec3, most: u32) -> Rgb {
+        self.photons.irradiance(p, n_geo, most)
     }
 
     /// Photons that count at `p` on the side of `n_geo`.

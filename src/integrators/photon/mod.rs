@@ -216,7 +216,9 @@ impl<'a> Photon<'a> {
     /// Hands on what lights the hits of the cache.
     fn with_light(&self, mut user: impl FnMut(&HitLight)) {
         let map = self.map.as_ref();
-        let caustic = |p: Vec3, n: Vec3| map.map_or(Rgb::ZERO, |map| map.irradiance(p, n));
+        // The gather ray and the ray from the eye are segments too.
+        let most = self.settings.path.max_depth.map_or(u32::MAX, |max| max.saturating_sub(2));
+        let caustic = |p: Vec3, n: Vec3| map.map_or(Rgb::ZERO, |map| map.irradiance_within(p, n, most));
         user(&HitLight::Operator { caustic: &caustic });
     }
 
