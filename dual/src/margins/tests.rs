@@ -1,6 +1,6 @@
 //! Each margin against its definition, exactness of expansions, robustness in f32.
 
-use num_dual::{Dual2SVec64, DualSVec32, DualSVec64};
+use num_dual::{Dual2SVec64, DualSVec32, DualSVec64, DualStruct};
 
 use super::*;
 use crate::testkit::Rng;
@@ -73,6 +73,47 @@ exact!(cone_is_exact_at_order_2, D2,
     w => (w.rng.direction() * 3.0, w.rng.range(-1.0, 1.0)), ray, s => cone(ray.d, s.0, s.1));
 exact!(total_reflection_is_exact_at_order_2, D2,
     w => (w.rng.direction(), w.rng.range(1.0, 2.0)), ray, s => total_reflection(ray.d, Vec3::lift(s.0), s.1));
+
+#[test]
+fn values_of_duals_are_the_plain_ones_bit_for_bit() {
+    let mut w = World { rng: Rng::new(9) };
+    for _ in 0..3000 {
+        let family = w.family();
+        let (a, b, r) = (w.point(), w.point(), w.rng.range(0.01, 1.5));
+        let (n, view) = (w.rng.direction() * 2.0, w.rng.direction());
+        let planes = [Plane::new(a, n), Plane::new(b, view)];
+        // A function for each number type.
+        macro_rules! all {
+            ($ray:expr) => {{
+                let ray = $ray;
+                let sphere = Sphere::new(a, r);
+                let disk = Disk::new(a, n, r);
+                [
+                    line(&ray, a, b),
+                    line_distance(&ray, a, b),
+                    facing(ray.d, n),
+                    swap(&ray, &planes[0], &planes[1]),
+                    inverse_depth(&ray, &planes[0]),
+                    super::sphere(&ray, &sphere),
+                    sphere_guard(&ray, &sphere),
+                    sphere_distance(&ray, &sphere),
+                    rim(&ray, &disk),
+                    rim_guard(&ray, &disk),
+                    cylinder(&ray, &Cylinder::new(a, b, r)),
+                    cone(ray.d, n, 0.3),
+                    cone_guard(ray.d, n, -0.3),
+                    total_reflection(ray.d, Vec3::lift(n), 1.4),
+                    half_vector(ray.d, Vec3::lift(view), Vec3::lift(n), 0.9),
+                ]
+                .map(|m| m.re().to_bits())
+            }};
+        }
+        let plain = all!(family.ray::<f64>());
+        assert_eq!(plain, all!(family.ray::<D1>()));
+        assert_eq!(plain, all!(family.ray::<D2>()));
+        assert_eq!(plain, all!(family.fixed_ray::<D2>()));
+    }
+}
 
 #[test]
 fn order_one_is_not_exact_for_quadrics() {
