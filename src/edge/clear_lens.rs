@@ -3,13 +3,13 @@
 //! Most pixels are; they need no duals, no list of edges and no second look. Polygons are held against the lens's own coordinates
 //! ([`Lens::line`], the same margins as those of predictions), balls against its sides. What cannot be decided so is left
 //! to [`EdgeDetector::predict`].
-//! Not handled (left to predictions): disks and cylinders, balls that any ray may meet, surfaces that let rays pass.
+//! Not handled (left to predictions): disks and cylinders, balls that any ray may meet, surfaces that let rays pass, what the clip planes cut.
 
 use super::EdgeDetector;
 use super::gather::Facet;
-use super::lens::Lens;
+use super::lens::{Lens, Place};
 use super::linear::Linear;
-use super::predicted::mesh_edge;
+use super::mesh_edge::mesh_edge;
 use super::view::from_dual;
 use crate::accel::footprint::Visitor;
 use crate::math::{DVec3, Vec3};
@@ -24,6 +24,8 @@ struct Clear<'a> {
     o: DVec3,
     o_p: [DVec3; 2],
     limit: f32,
+    /// Range of the ray parameter.
+    t: [f64; 2],
     /// The shape that reaches the footprint: two may swap their depth order.
     shape: Option<u32>,
     /// The rectangle met last: its halves come one after the other.
@@ -49,7 +51,8 @@ impl Clear<'_> {
         for k in 0..K {
             p[k] = self.lens.project(points[k]);
         }
-        if p.iter().all(|x| x.z > f64::from(self.limit)) {
+        let place = self.lens.place(&p, self.t);
+        if place == Place::Outside || p.iter().all(|x| x.z > f64::from(self.limit)) {
             return ControlFlow::Continue(());
         }
         for k in 0..K {
@@ -60,7 +63,7 @@ impl Clear<'_> {
             return ControlFlow::Continue(());
         }
         let second = self.shape.replace(shape).is_some_and(|first| first != shape);
-        if second || self.detector.lets_pass(&self.detector.scene.shapes[shape as usize]) {
+        if second || place == Place::Cut || self.detector.lets_pass(&self.detector.scene.shapes[shape as usize]) {
             return self.unclear();
         }
         if !sides.contains(&0) {
@@ -113,7 +116,7 @@ impl EdgeDetector<'_> {
         let beam = super::beam::of_lens(family, &lens, t, self.reach);
         let o_p = [o_p[2], o_p[3]];
         let (shape, rectangle) = (None, u32::MAX);
-        let mut clear = Clear { detector: self, lens, o, o_p, limit: beam.tmax, shape, rectangle, clear: true };
+        let mut clear = Clear { detector: self, lens, o, o_p, limit: beam.tmax, t, shape, rectangle, clear: true };
         self.accel.walk(&beam, &mut clear);
         clear.clear
     }

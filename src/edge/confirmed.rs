@@ -118,7 +118,7 @@ impl EdgeDetector<'_> {
         front: impl FnOnce() -> Option<(u32, f64)>,
     ) -> Verdict {
         let Question { t, exclude, round, grow, all, swaps } = question;
-        let mut p = Predictor::<J, N>::new(self.scene, ray, t[1], exclude, round, grow);
+        let mut p = Predictor::<J, N>::new(self.scene, ray, t, exclude, round, grow);
         let beam = beam::around(&p.o, &p.d, p.lens.as_ref(), t, self.reach);
         p.keeps_flats = swaps;
         self.accel.walk(&beam, &mut p);

@@ -151,7 +151,8 @@ impl Curved {
                         curved.borders.push((Kinds::SILHOUETTE, Border::Segment([p, q])));
                     }
                 }
-                (!curved.borders.is_empty() || curved.hit(view, [0.0; 2]).is_some()).then_some(curved)
+                let cut = || curved.meets_end(view) && range(&margins::cylinder(&ray, &cylinder).expansion()).1 >= 0.0;
+                (!curved.borders.is_empty() || curved.hit(view, [0.0; 2]).is_some() || cut()).then_some(curved)
             }
             Geometry::Mesh(_) | Geometry::Rectangle(_) => None,
         }
@@ -167,6 +168,15 @@ impl Curved {
                 (from_dual(c.a) + half, half.length().hypot(c.radius))
             }
         }
+    }
+
+    /// Whether an end of the rays' range may cut it.
+    fn meets_end(&self, view: &View) -> bool {
+        let (c, radius) = self.ball();
+        view.t.iter().any(|t| {
+            let (x, n) = view.plane_at(*t);
+            t.is_finite() && n.dot(c - x).abs() <= radius * n.length()
+        })
     }
 
     /// Ray parameter at which the ray at p meets the surface, within the rays' range.

@@ -67,7 +67,7 @@ pub const NOTHING: Events = Events { kinds: Kinds::NONE, distance: f64::INFINITY
 impl<'a> Detection<'a> {
     /// Looks for events; true if it ended at the first.
     pub fn run(&mut self) -> bool {
-        self.horizon_edge() || self.polygon_edges() || self.curved_borders() || self.swaps() || self.far_cuts()
+        self.horizon_edge() || self.polygon_edges() || self.curved_borders() || self.swaps() || self.end_cuts()
     }
 
     /// Notes an event; true if that is enough.
@@ -127,6 +127,8 @@ impl<'a> Detection<'a> {
                 if let Some(start) = &view.near {
                     let before = |k: usize| keys[k] - at(start, chord.p[k]);
                     keep(before(0), before(1), &mut s);
+                } else if near.is_finite() {
+                    keep(keys[0] - near, keys[1] - near, &mut s);
                 }
             }
             for side in polygon.sides() {

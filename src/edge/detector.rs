@@ -77,7 +77,7 @@ impl<'a> EdgeDetector<'a> {
             // Most footprints: one flat surface, or nothing.
             match &surfaces.polygons[..] {
                 [] => return Verdict::Clear,
-                [one] if one.crossing == 0 => return Verdict::Clear,
+                [one] if one.covers && one.crossing == 0 => return Verdict::Clear,
                 _ => {}
             }
         }

@@ -95,16 +95,41 @@ impl Lens {
         Linear { value: c.z, gradient, rest: 0.0 }
     }
 
-    /// A bound of the ray parameters at which the rays meet the plane of three projected points; `None` unless all of them do.
+    /// Bounds of the ray parameters at which the rays meet the plane of three projected points; `None` if some may be parallel to it.
     #[inline(always)]
-    pub fn covered_up_to(&self, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+    fn met_within(&self, [a, b, c]: [DVec3; 3]) -> Option<[f64; 2]> {
         let n = (b - a).cross(c - a);
         let n = if n.z < 0.0 { -n } else { n };
         let [x, y] = self.lensed(n.x, n.y);
         let off = (x * x + y * y).sqrt();
-        let slowest = n.z - n.x.abs() - n.y.abs() - off * self.power.abs();
-        let height = n.dot(a);
-        (height > off && slowest > 0.0).then(|| (height + off) / slowest)
+        let turn = n.x.abs() + n.y.abs() + off * self.power.abs();
+        let (slowest, fastest) = (n.z - turn, n.z + turn);
+        let [low, high] = [-off, off].map(|off| n.dot(a) + off);
+        (slowest > 0.0).then(|| [(low / slowest).min(low / fastest), (high / slowest).max(high / fastest)])
+    }
+
+    /// A bound of the ray parameters at which the rays meet the plane of three projected points; `None` unless all of them do.
+    #[inline(always)]
+    pub fn covered_up_to(&self, points: [DVec3; 3]) -> Option<f64> {
+        self.met_within(points).filter(|t| t[0] > 0.0).map(|t| t[1])
+    }
+
+    /// Where the rays meet a polygon of projected points, if they do.
+    #[inline(always)]
+    pub fn place(&self, points: &[DVec3], [near, far]: [f64; 2]) -> Place {
+        let before = points.iter().filter(|x| x.z < near).count();
+        let beyond = points.iter().filter(|x| x.z > far).count();
+        if before == 0 && beyond == 0 {
+            return Place::Within;
+        }
+        if before == points.len() || beyond == points.len() {
+            return Place::Outside;
+        }
+        match self.met_within([points[0], points[1], points[2]]) {
+            Some([low, high]) if low >= near && high <= far => Place::Within,
+            Some([low, high]) if high < near || low > far => Place::Outside,
+            _ => Place::Cut,
+        }
     }
 
     /// What holds the rays.
@@ -121,6 +146,17 @@ impl Lens {
         let (n, slack) = planes(1.0);
         Sides { o: self.o.as_vec3(), n, slack, waist: Some(planes(-1.0)) }
     }
+}
+
+/// Where something is met, by the range of the ray parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Within it.
+    Within,
+    /// Partly.
+    Cut,
+    /// Before or beyond.
+    Outside,
 }
 
 #[cfg(test)]

@@ -7,9 +7,9 @@
 //!
 //! * [`view`]: a family as a projection; [`pixel`], [`light`], [`emission`]: the families
 //! * `gather`, `polygon`, `curved`, `outline`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
-//! * [`detector`], `detect`, `swaps`: `any` and `all` queries; [`kinds`]: what they answer
+//! * [`detector`], `detect`, `swaps`, `ends`: `any` and `all` queries; [`kinds`]: what they answer
 //! * [`mod@highlight`]: where a light leaves a glossy lobe
-//! * [`predicted`], `bundle`, `feet`, `beam`, `lens`, `clear_lens`, `confirmed`, [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
+//! * [`predicted`], `bundle`, `feet`, `beam`, `lens`, `mesh_edge`, `clear_lens`, `confirmed`, [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
 //! * [`oracle`], [`score`]: brute force, and the detector held against it
 //! * [`mod@map`], [`unrolled`]: maps of pixels, of a light, of emission
 //!
@@ -26,6 +26,7 @@ mod curved;
 mod detect;
 pub mod detector;
 pub mod emission;
+mod ends;
 mod feet;
 mod gather;
 pub mod hard_shadow;
@@ -35,6 +36,7 @@ mod lens;
 pub mod light;
 mod linear;
 pub mod map;
+mod mesh_edge;
 pub mod oracle;
 mod outline;
 pub mod pixel;

@@ -26,7 +26,7 @@ pub struct Polygon {
     pub shape: u32,
     /// Triangle of a mesh, or [`Polygon::RECTANGLE`].
     pub prim: u32,
-    /// Whether it covers all of the footprint.
+    /// Whether it covers all of the footprint, within the rays' range.
     pub covers: bool,
     /// Sides that may cross the footprint, as bits.
     pub crossing: u8,
@@ -84,6 +84,7 @@ impl Polygon {
         if nearest > view.keys[1] || farthest < view.keys[0] {
             return None;
         }
+        covers &= nearest >= view.keys[0] && farthest <= view.keys[1];
         if let Some(near) = &view.near {
             let (lo, hi) = range(&[0, 1, 2].map(|k| key[k] - near[k]));
             // What lies in the mirror's plane is not before it.

@@ -17,12 +17,12 @@ use super::Facet;
 use super::bundle::Bundle;
 use super::feet::feet;
 use super::kinds::Kinds;
-use super::lens::Lens;
+use super::lens::{Lens, Place};
 use super::linear::Linear;
+use super::mesh_edge::mesh_edge;
 use super::view::{from_dual, to_dual};
 use crate::accel::footprint::Visitor;
 use crate::math::{DVec3, Vec3 as Vec3f};
-use crate::scene::mesh::EdgeClass;
 use crate::scene::{Geometry, Scene};
 use arrayvec::ArrayVec;
 use dualux_dual::{
@@ -76,6 +76,8 @@ pub(super) struct Predictor<'a, J, const N: usize> {
     /// Square of the distance of origins from the centre ray's, at most.
     start: f64,
     limit: f32,
+    /// Of the ray parameter. What a lens's clip planes cut is unknown; segments of chains have no such ends.
+    range: [f64; 2],
     pub edges: ArrayVec<Edge<N>, MOST>,
     rectangles: ArrayVec<u32, 8>,
     /// Polygons that may be met, with their shapes.
@@ -90,7 +92,7 @@ pub(super) struct Predictor<'a, J, const N: usize> {
 impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
     /// Nothing found yet. `round`: the last two of the parameters fill the unit disk; `grow`: by how much the footprint is enlarged.
     #[inline(always)]
-    pub fn new(scene: &'a Scene, ray: &Ray<J>, end: f64, exclude: Facet, round: bool, grow: f64) -> Self {
+    pub fn new(scene: &'a Scene, ray: &Ray<J>, t: [f64; 2], exclude: Facet, round: bool, grow: f64) -> Self {
         let (o, d) = (Bundle::new(ray.o, grow), Bundle::new(ray.d, grow));
         let q = o.moment(&d, J::NDERIV >= 2);
         let lens = if round { Lens::new(o.value, &o.by, d.value, &d.by) } else { None };
@@ -102,7 +104,8 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
             lens,
             start: o.by.iter().fold(o.rest, |s, v| s + v.abs()).length_squared(),
             exclude,
-            limit: end as f32,
+            limit: t[1] as f32,
+            range: t,
             edges: ArrayVec::new(),
             rectangles: ArrayVec::new(),
             flats: ArrayVec::new(),
@@ -176,6 +179,10 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         kind: impl Fn(&Self, usize) -> Option<Kinds>,
     ) {
         let lens = self.lens.map(|lens| (lens, points.map(|x| lens.project(x))));
+        let place = lens.as_ref().map_or(Place::Within, |(lens, p)| lens.place(p, self.range));
+        if place == Place::Outside {
+            return;
+        }
         let margins: [Linear<N>; K] = match &lens {
             Some((lens, p)) => std::array::from_fn(|k| lens.line(p[k], p[(k + 1) % K])),
             None => std::array::from_fn(|k| self.line(points[k], points[(k + 1) % K])),
@@ -187,6 +194,9 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
             return;
         }
         self.passes(shape);
+        if place == Place::Cut {
+            self.trouble |= Kinds::UNKNOWN;
+        }
         if self.keeps_flats {
             let _ = self.flats.try_push((shape, points.iter().copied().collect()));
         }
@@ -311,33 +321,6 @@ impl<'a, J: Jet<N, Primitive = f64>, const N: usize> Predictor<'a, J, N> {
         }
         let near = t.value * (1.0 - radius * radius / dist2) - t.reach(self.round);
         self.push(Edge { kind: Kinds::SILHOUETTE, shape, margin, bend, s: None, t, near });
-    }
-}
-
-/// What side k of a triangle of a mesh (shape, triangle) is, seen from origins o + sum p_k o_k, which lie on the facet `from`.
-pub(super) fn mesh_edge<const N: usize>(
-    scene: &Scene,
-    [shape, prim]: [u32; 2],
-    k: usize,
-    from: Facet,
-    o: DVec3,
-    o_p: &[DVec3; N],
-) -> Option<Kinds> {
-    let Geometry::Mesh(mesh) = &scene.shapes[shape as usize].geometry else { return None };
-    let (class, other) = (mesh.edges[prim as usize][k], mesh.neighbors[prim as usize][k]);
-    if class == EdgeClass::Never || from == (Facet { shape, prim: other }) {
-        return None;
-    }
-    if other == u32::MAX {
-        return Some(Kinds::BOUNDARY);
-    }
-    let corners = |prim: u32| mesh.corners(prim).map(|c| c.as_dvec3());
-    let normal = |c: &[DVec3; 3]| to_dual((c[1] - c[0]).cross(c[2] - c[0]));
-    let points = corners(prim);
-    let (n1, n2) = (normal(&points), normal(&corners(other)));
-    match margins::may_be_silhouette(to_dual(o), &o_p.map(to_dual), to_dual(points[k]), n1, n2) {
-        true => Some(Kinds::SILHOUETTE),
-        false => (class == EdgeClass::Always).then_some(Kinds::CREASE),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Depth-order swaps: surfaces that cross inside the footprint, and surfaces that pierce the far end of its rays.
+//! Depth-order swaps: surfaces that cross inside the footprint. (What pierces the far end of its rays: `ends`.)
 //!
 //! Two planes swap where the difference of their keys vanishes (degree 1, exact), cut to both outlines: polygons by their sides, disks
 //! by their hit condition, quadratic along the line. A sphere and a plane, or two spheres, swap on the circle they share
@@ -9,7 +9,7 @@
 
 use super::chord::{Chord, clip, keep, keep_affine};
 use super::curved::{Circle, Surface, arcs, ellipse_at};
-use super::detect::{Detection, Mode, Owner, length, line_in_square};
+use super::detect::{Detection, Mode, Owner, line_in_square};
 use super::kinds::Kinds;
 use super::view::{Affine, at, from_dual, range, to_dual};
 use crate::math::DVec3;
@@ -26,7 +26,37 @@ struct Flat {
     key: Affine,
 }
 
-fn circle_of(disk: &Disk<f64>) -> Circle {
+/// What a plane cuts out of a cylinder.
+pub(super) enum Section {
+    Nothing,
+    /// Obliquely; it may lie beyond the cylinder's ends.
+    Ellipse(Circle),
+    /// The plane holds the axis' direction.
+    Lines([[DVec3; 2]; 2]),
+}
+
+/// The section of a cylinder with the plane through `x` with normal `n`.
+pub(super) fn section(c: &Cylinder<f64>, x: DVec3, n: DVec3) -> Section {
+    let (a, axis) = (from_dual(c.a), from_dual(c.axis()));
+    let n = n.normalize();
+    let along = n.dot(axis) / axis.length();
+    if along.abs() > 1e-4 {
+        let onto = |v: DVec3| v - axis * (n.dot(v) / n.dot(axis));
+        let unit = axis.normalize();
+        let u = unit.any_orthonormal_vector() * c.radius;
+        let v = unit.cross(u);
+        let centre = a + axis * (n.dot(x - a) / n.dot(axis));
+        return Section::Ellipse(Circle { c: centre, u: onto(u), v: onto(v) });
+    }
+    let off = n.dot(x - a);
+    if off.abs() >= c.radius {
+        return Section::Nothing;
+    }
+    let aside = axis.cross(n).normalize() * (c.radius * c.radius - off * off).sqrt();
+    Section::Lines([aside, -aside].map(|side| [a + n * off + side, a + n * off + side + axis]))
+}
+
+pub(super) fn circle_of(disk: &Disk<f64>) -> Circle {
     let n = from_dual(disk.normal).normalize();
     let u = n.any_orthonormal_vector() * disk.radius;
     Circle { c: from_dual(disk.centre), u, v: n.cross(u) }
@@ -142,7 +172,7 @@ impl Detection<'_> {
     }
 
     /// Shrinks `s` to the part of a chord inside the outline of a flat surface.
-    fn cut(&self, owner: &Owner, chord: &Chord, s: &mut [f64; 2]) {
+    pub(super) fn cut(&self, owner: &Owner, chord: &Chord, s: &mut [f64; 2]) {
         match *owner {
             Owner::Polygon(i) => {
                 for side in self.surfaces.polygons[i].sides() {
@@ -165,28 +195,16 @@ impl Detection<'_> {
         }
     }
 
-    /// A cylinder and a plane: an ellipse, or two lines if the plane holds the axis' direction.
+    /// A cylinder and a plane.
     fn cylinder_swap(&mut self, c: &Cylinder<f64>, flat: &Flat, owners: [Owner; 2]) -> bool {
-        let (a, axis) = (from_dual(c.a), from_dual(c.axis()));
-        let n = flat.n.normalize();
-        let along = n.dot(axis) / axis.length();
-        if along.abs() > 1e-4 {
-            let onto = |v: DVec3| v - axis * (n.dot(v) / n.dot(axis));
-            let unit = axis.normalize();
-            let u = unit.any_orthonormal_vector() * c.radius;
-            let v = unit.cross(u);
-            let centre = a + axis * (n.dot(flat.x - a) / n.dot(axis));
-            return self.circle_swap(&Circle { c: centre, u: onto(u), v: onto(v) }, owners);
+        match section(c, flat.x, flat.n) {
+            Section::Nothing => false,
+            Section::Ellipse(circle) => self.circle_swap(&circle, owners),
+            Section::Lines(lines) => lines.into_iter().any(|ends| {
+                let ends = ends.map(|x| self.view.project(x));
+                clip(self.view, &ends[0], &ends[1]).is_some_and(|chord| self.part_swap(&chord, owners))
+            }),
         }
-        let off = n.dot(flat.x - a);
-        if off.abs() >= c.radius {
-            return false;
-        }
-        let aside = axis.cross(n).normalize() * (c.radius * c.radius - off * off).sqrt();
-        [aside, -aside].into_iter().any(|side| {
-            let ends = [a + n * off + side, a + n * off + side + axis].map(|x| self.view.project(x));
-            clip(self.view, &ends[0], &ends[1]).is_some_and(|chord| self.part_swap(&chord, owners))
-        })
     }
 
     /// A swap along an ellipse.
@@ -225,37 +243,5 @@ impl Detection<'_> {
             }
         }
         seen == [true; 2]
-    }
-
-    /// Surfaces that pierce the far end: their shadow ends there.
-    pub(super) fn far_cuts(&mut self) -> bool {
-        if self.mode == Mode::Sight || self.view.t[1] == f64::INFINITY {
-            return false;
-        }
-        let far = self.view.keys[1];
-        for i in 0..self.surfaces.polygons.len() {
-            let polygon = &self.surfaces.polygons[i];
-            let before = [far - polygon.key[0], -polygon.key[1], -polygon.key[2]];
-            let (lo, hi) = range(&before);
-            if !(lo < 0.0 && hi > 0.0) {
-                continue;
-            }
-            let Some(p) = line_in_square(&before, &self.view.domain) else { continue };
-            let whole = Chord { p, key: [far; 2] };
-            let mut s = [0.0, 1.0];
-            for side in polygon.sides() {
-                keep_affine(&whole, side, 0.0, &mut s);
-            }
-            if s[1] - s[0] < 1e-6 {
-                continue;
-            }
-            let norm = -length(&before);
-            let chord = Chord { p: s.map(|s| whole.at(s)), key: [far; 2] };
-            let owner = [Some(Owner::Polygon(i)), None];
-            if self.offer(Kinds::SWAP, chord, [before[1] / norm, before[2] / norm], owner) {
-                return true;
-            }
-        }
-        false
     }
 }

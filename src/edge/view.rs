@@ -133,6 +133,11 @@ impl View {
         (near.iter().all(|c| c.is_finite()) && t[0] > 0.0).then(|| View { near: Some(near), ..self.within(t) })
     }
 
+    /// The plane in which all rays have the parameter `t`: a point and its normal.
+    pub fn plane_at(&self, t: f64) -> (DVec3, DVec3) {
+        (self.origin() + from_dual(self.family.d) * t, self.rows[0])
+    }
+
     /// Depth key of the plane through `x` with normal `n`.
     pub fn plane_key(&self, x: DVec3, n: DVec3) -> Affine {
         let f = &self.family;

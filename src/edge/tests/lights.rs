@@ -233,3 +233,27 @@ fn the_horizon_of_a_facet_counts_though_its_neighbours_lie_in_it() {
     // Brute force starts off the surface, where it may see over the next facet.
     assert!(missed * 200 <= edges, "{missed} of {edges}");
 }
+
+#[test]
+fn what_pierces_the_plane_of_a_lamp_cuts_it() {
+    // Only a cap or strip of each stands out of the lamp: their silhouettes lie behind it, their shadow ends where they cross it.
+    let turn = DMat4::from_translation(ABOVE) * DMat4::from_rotation_y(0.3) * DMat4::from_scale(DVec3::splat(9.0));
+    let lying =
+        GeometryDesc::Cylinder { p0: DVec3::new(-9.0, 4.25, 0.1), p1: DVec3::new(9.0, 4.25, 0.4), radius: 0.35 };
+    let through = [ball(ABOVE + DVec3::Y * 0.5, 0.7), shape(GeometryDesc::Disk, turn), shape(lying, DMat4::IDENTITY)];
+    for (k, shape) in through.into_iter().enumerate() {
+        let (scene, accel) = scene(vec![scene_lamp(), shape]);
+        let detector = EdgeDetector::new(&scene, &accel);
+        let mut rng = Rng(15, k as u64 * 10_000);
+        let mut partly = 0;
+        for _ in 0..500 {
+            let from = Receiver { p: rng.cube(0.8) * DVec3::new(1.0, 0.3, 1.0), n: Some(DVec3::Y), facet: None };
+            let truth = oracle::light(&scene, &accel, 0, &from, 24).expect("it is turned here");
+            let verdict = detector.light(0, &from, false);
+            partly += usize::from(truth);
+            let sure = matches!(verdict, LightVerdict::Visible | LightVerdict::Blocked);
+            assert!(!(sure && truth), "shape {k}: {verdict:?} from {from:?}");
+        }
+        assert!(partly > 400, "shape {k}: {partly}");
+    }
+}

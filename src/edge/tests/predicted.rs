@@ -88,6 +88,39 @@ fn a_thin_lens_sees_the_edges_that_any_of_its_points_sees() {
 }
 
 #[test]
+fn a_lens_looks_through_what_its_clip_plane_takes_away() {
+    // A wall before the clip plane, and one that it cuts.
+    let wall = |at: DVec3, x: DVec3| quad(at, x, DVec3::Y * 9.0);
+    for (k, first) in
+        [wall(DVec3::Z * 6.0, DVec3::X * 9.0), wall(DVec3::Z * 5.0, DVec3::new(3.0, 0.0, 2.0))].into_iter().enumerate()
+    {
+        let (scene, accel) = scene(vec![first, wall(DVec3::ZERO, DVec3::X * 0.7), wall(-DVec3::Z, DVec3::X * 9.0)]);
+        let detector = EdgeDetector::new(&scene, &accel);
+        let mut rng = Rng(26, k as u64 * 10_000);
+        let (mut edges, mut clear) = (0, 0);
+        for _ in 0..600 {
+            let (o, radius, focus, half) = (DVec3::Z * 8.0, 0.02, 8.0, 0.01);
+            let [u, v] = [DVec3::X, DVec3::Y].map(|e| e * radius);
+            let d = -DVec3::Z + DVec3::new(rng.range(-0.3, 0.3), rng.range(-0.3, 0.3), 0.0);
+            let [o_p, d_p] = [
+                [DVec3::ZERO, DVec3::ZERO, u, v],
+                [DVec3::X * half, DVec3::Y * half, u * (-1.0 / focus), v * (-1.0 / focus)],
+            ];
+            let family = Family::new(to_dual(o), o_p.map(to_dual), to_dual(d), d_p.map(to_dual));
+            let t = [3.0, f64::INFINITY];
+            let sure = detector.clear_lens(&family, t);
+            let question = Question { t, exclude: Facet::NONE, round: true, grow: 1.0, all: false, swaps: true };
+            let verdict = detector.predict_in(&family.ray::<D1<4>>(), question, || detector.first(&family, t));
+            let truth = oracle::sight4(&scene, &accel, &family, t, 6, true);
+            edges += usize::from(truth);
+            clear += usize::from(sure || !verdict.needs_samples());
+            assert!(!(truth && (sure || !verdict.needs_samples())), "{k}: {sure} {verdict:?} along {d}");
+        }
+        assert!(edges > 20 && clear > 300, "{k}: {edges} {clear}");
+    }
+}
+
+#[test]
 fn cells_of_a_patch_of_a_light_see_the_edges_that_any_of_its_points_sees() {
     let mut rng = Rng(22, 0);
     let cell = |rng: &mut Rng| {

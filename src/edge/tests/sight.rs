@@ -267,7 +267,7 @@ fn nothing_fires_inside_a_smooth_mesh_a_sphere_or_a_wall() {
 
 #[test]
 fn hidden_edges_do_not_count() {
-    // A small ball and a small square behind a big wall made of two squares; a swap of two crossing squares in front.
+    // A small ball and a small square behind a big wall made of two squares.
     let x = DVec3::X;
     let wall = |c: f64| quad(DVec3::new(c, 0.0, 0.0), x * 2.0, DVec3::Y * 4.0);
     let behind = [ball(DVec3::new(0.5, 0.0, -1.0), 0.05), quad(DVec3::new(0.5, 0.0, -2.0), x * 0.05, DVec3::Y * 0.05)];
@@ -281,4 +281,35 @@ fn hidden_edges_do_not_count() {
     assert_eq!(detector.all(&view(DVec3::new(0.5, 0.0, 0.0), 0.05), None), Verdict::Clear);
     let seam = detector.all(&view(DVec3::new(0.0, 0.0, 0.0), 0.05), None);
     assert_eq!(seam.kinds(), Kinds::BOUNDARY, "the seam of the wall only");
+}
+
+#[test]
+fn surfaces_end_where_the_range_of_the_rays_does() {
+    // Walls, a ball, a disk and a tube cut by the near and by the far end of the rays.
+    let turn = DMat4::from_rotation_y(0.8) * DMat4::from_scale(DVec3::splat(6.0));
+    let tube = GeometryDesc::Cylinder { p0: -DVec3::Z * 4.0, p1: DVec3::Z * 4.0, radius: 0.9 };
+    let cut = [
+        quad(DVec3::ZERO, DVec3::new(4.0, 0.0, 4.0), DVec3::Y * 4.0),
+        ball(DVec3::ZERO, 1.5),
+        shape(GeometryDesc::Disk, turn),
+        shape(tube, DMat4::IDENTITY),
+    ];
+    for (k, shape) in cut.into_iter().enumerate() {
+        // Another wall far behind.
+        let (scene, accel) = scene(vec![shape, quad(-DVec3::Z * 30.0, DVec3::X * 90.0, DVec3::Y * 90.0)]);
+        let detector = EdgeDetector::new(&scene, &accel);
+        let mut rng = Rng(16, k as u64 * 100_000);
+        let (mut edges, mut clear) = (0, 0);
+        for i in 0..4000 {
+            let (o, aim) = (DVec3::Z * 8.0 + rng.cube(0.5), rng.cube(1.0));
+            let view = random_view(&mut rng, o, aim, 0.02);
+            let end = rng.range(0.85, 1.0);
+            let view = view.within(if i % 2 == 0 { [end, f64::INFINITY] } else { [0.0, end] });
+            let (truth, verdict) = (oracle::sight(&scene, &accel, &view, 12), detector.any(&view, None));
+            edges += usize::from(truth);
+            clear += usize::from(verdict == Verdict::Clear);
+            assert!(!(truth && verdict == Verdict::Clear), "shape {k}, {:?}", view.t);
+        }
+        assert!(edges > 100 && clear > 1000, "shape {k}: {edges} {clear}");
+    }
 }
