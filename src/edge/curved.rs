@@ -87,7 +87,9 @@ impl Curved {
         let out = |surface| Curved { surface, borders: ArrayVec::new(), covers: false };
         let rim = |circle: Circle| -> Option<(Kinds, Border)> {
             let d = circle.disk();
-            let both = Guarded::new(ellipse(&ray, &circle), margins::rim_guard(&ray, &d));
+            // Parallel rays start on either side of its plane: their range tells what is in front.
+            let guard = if view.perspective { margins::rim_guard(&ray, &d) } else { constant(1.0) };
+            let both = Guarded::new(ellipse(&ray, &circle), guard);
             let both = Guarded { margin: cut(both.margin), guard: both.guard };
             both.flags(test).then_some((Kinds::BOUNDARY, Border::Circle(circle, both.margin)))
         };

@@ -19,7 +19,8 @@ pub fn rim<T: Real>(ray: &Ray<T>, disk: &Disk<T::Primitive>) -> T {
     nd * nd * (disk.radius * disk.radius) - v.norm2()
 }
 
-/// Positive where the disk's plane is in front of the origin: `n.d` with n turned away from the origin (degree 1).
+/// Positive where the disk's plane is in front of the origin: `n.d` with n turned away from the origin (degree 1). For a fixed
+/// origin: rays that start elsewhere may start on the plane's other side.
 #[inline(always)]
 pub fn rim_guard<T: Real>(ray: &Ray<T>, disk: &Disk<T::Primitive>) -> T {
     let n = disk.plane().facing_away(ray.o.re()).normal;

@@ -185,6 +185,62 @@ fn masks_are_unknown_and_never_clear() {
     assert_eq!(detector.light(0, &from, false), LightVerdict::Blocked);
 }
 
+#[test]
+fn whatever_lets_shadow_rays_pass_is_unknown_and_glass_is_not() {
+    let white = || Color::Constant(Vec3::ONE);
+    let diffuse = Material::Diffuse { reflectance: white() };
+    let mask = Material::Mask { opacity: crate::scene::Scalar::Constant(0.5), nested: 0 };
+    let half = crate::scene::Scalar::Constant(0.5);
+    let glass = Material::Dielectric { eta: 1.5, specular_reflectance: white(), specular_transmittance: white() };
+    // Nested in others as well.
+    let cases = [
+        (vec![diffuse.clone(), mask.clone()], true),
+        (vec![diffuse.clone(), mask.clone(), Material::TwoSided { front: 1, back: 0 }], true),
+        (vec![diffuse.clone(), mask, Material::Blend { weight: half, first: 0, second: 1, absorbed: 0.0 }], true),
+        (vec![diffuse.clone(), glass], false),
+        (vec![diffuse], false),
+    ];
+    let from = Receiver { p: DVec3::new(0.0, -2.0, 0.0), n: Some(DVec3::Y), facet: None };
+    for (k, (materials, passes)) in cases.into_iter().enumerate() {
+        let mut sheet = quad(DVec3::ZERO, DVec3::X * 4.0, DVec3::Z * 4.0);
+        sheet.material = materials.len() as u32 - 1;
+        let (scene, accel) = super::scene_with(vec![scene_lamp(), sheet], materials);
+        let detector = EdgeDetector::new(&scene, &accel);
+        let light = detector.light(0, &from, false);
+        // A pixel that sees nothing but the sheet.
+        let mut rng = Rng(16, k as u64);
+        let view = super::random_view(&mut rng, DVec3::Y * -3.0, DVec3::ZERO, 0.01);
+        let pixel = detector.any(&view, None);
+        if passes {
+            assert!(matches!(light, LightVerdict::Unknown(_)), "case {k}: {light:?}");
+            assert!(matches!(pixel, crate::edge::Verdict::Unknown(_)), "case {k}: {pixel:?}");
+        } else {
+            assert_eq!((light, pixel), (LightVerdict::Blocked, crate::edge::Verdict::Clear), "case {k}");
+        }
+    }
+}
+
+#[test]
+fn a_textured_lamp_is_unknown() {
+    let mut lamp = scene_lamp();
+    lamp.emission = Some(Color::Texture(0));
+    let from = Receiver { p: DVec3::new(0.0, -2.0, 0.0), n: Some(DVec3::Y), facet: None };
+    let checks = crate::scene::Texture::Checkerboard {
+        color0: Color::Constant(Vec3::ONE),
+        color1: Color::Constant(Vec3::ZERO),
+        to_uv: crate::math::Affine2::IDENTITY,
+    };
+    let mut description = crate::scene::description::Description::empty(DMat4::IDENTITY, 64, 64);
+    description.materials = vec![Material::Diffuse { reflectance: Color::Constant(Vec3::ONE) }];
+    description.textures = vec![checks];
+    description.shapes = vec![lamp];
+    let scene = crate::scene::Scene::new(description).unwrap();
+    let accel = crate::accel::Accel::new(&scene.shapes);
+    let detector = EdgeDetector::new(&scene, &accel);
+    assert!(matches!(detector.light(0, &from, false), LightVerdict::Unknown(_)));
+    assert!(matches!(detector.seen_from(&detector.lamp(0), &from, false), LightVerdict::Unknown(_)));
+}
+
 fn scene_lamp() -> ShapeDesc {
     lamp(quad(DVec3::new(0.0, 4.0, 0.0), DVec3::X, DVec3::Z))
 }

@@ -313,3 +313,25 @@ fn surfaces_end_where_the_range_of_the_rays_does() {
         assert!(edges > 100 && clear > 1000, "shape {k}: {edges} {clear}");
     }
 }
+
+#[test]
+fn parallel_rays_miss_no_edge_that_they_start_beside() {
+    // Wide footprints among the surfaces, so that some lie before, some behind and some across the plane the rays start from.
+    let mut edges = 0;
+    for seed in 0..6 {
+        let mut rng = Rng(200 + seed, 0);
+        let (scene, accel) = scene(soup(&mut rng, 40, 5));
+        let detector = EdgeDetector::with_settings(&scene, &accel, Settings { busy: 2000, ..Settings::default() });
+        for _ in 0..3000 {
+            let half = 10f64.powf(rng.range(-2.5, -0.1));
+            let (o, d) = (rng.cube(5.0), rng.cube(1.0));
+            let family = Family::parallel(to_dual(o), [rng.cube(half), rng.cube(half)].map(to_dual), to_dual(d));
+            let end = if rng.unit() < 0.3 { 4.0 } else { f64::INFINITY };
+            let Some(view) = View::new(family, [0.0, end]) else { continue };
+            let truth = oracle::sight(&scene, &accel, &view, 12);
+            edges += usize::from(truth);
+            assert!(!truth || detector.any(&view, None) != Verdict::Clear, "seed {seed}: {view:?}");
+        }
+    }
+    assert!(edges > 1000, "{edges}");
+}
