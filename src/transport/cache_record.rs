@@ -12,8 +12,8 @@
 //!
 //!   R = sqrt(8 a E / (|l1| + |l2|)),   R_1 = R (|l2| / |l1|)^(1/4),   R_2 = R (|l1| / |l2|)^(1/4)
 //!
-//! with the ratio of the two bounded; then not beyond E / |grad E| nor the nearest thing that rises from the surface, and within the limits
-//! of scene and pixels.
+//! with the ratio of the two bounded; then not beyond E / |grad E| nor the nearest thing that rises from the surface, if it is small (what is wide,
+//! such as a wall, the derivatives know), and within the limits of scene and pixels.
 //! Refused: points in front of the record, points behind something that rises from the surface between the two, and normals
 //! more than the angle a apart.
 //! Source      Ward, Rubinstein, Clear 1988; Ward and Heckbert 1992 (gradients); Schwarzhaupt, Jensen, Jarosz 2012 (radii);
@@ -34,9 +34,10 @@ const NORMAL_LIMIT: f32 = 0.06;
 const MAX_RATIO: f32 = 3.0;
 /// Radius along the normal over the mean one along the surface.
 const THICKNESS: f32 = 0.35;
-/// Greatest mean radius over the distance to the nearest thing that rises from the surface: beyond it the second derivative at the record says
-/// nothing about the light any more.
-const NEAREST: f32 = 1.0;
+/// A thing is small if it is the nearest in so many sectors at most, or nearly so.
+const SMALL: usize = 2;
+/// How much farther other things may be to count as near, relative.
+const NEARLY: f32 = 1.5;
 /// Greatest height in front of a record, in mean radii (Ward's in-front test with its tolerance).
 const FRONT: f32 = 0.05;
 
@@ -101,9 +102,7 @@ impl Record {
         let level = luminance(e.irradiance).max(limits.floor);
         let size = (8.0 * limits.error * level / (first + second)).sqrt();
         let slope = Vec2::new(luminance(translation[0]), luminance(translation[1])).length();
-        let away = |r: &Riser| if r.normal == Vec2::ZERO { f32::INFINITY } else { (-r.offset).max(0.0) };
-        let nearest = risers(frame).iter().map(away).fold(f32::INFINITY, f32::min);
-        let bound = (level / slope).min(limits.max).min(NEAREST * nearest);
+        let bound = (level / slope).min(limits.max).min(small_obstacle(&risers(frame)));
         let ratio = (first / second).sqrt().clamp(1.0, MAX_RATIO).sqrt();
         // No Hessian and no light give NaN: the greatest radius then.
         let radius = |r: f32| if r < bound { r.max(limits.min) } else { bound.max(limits.min) };
@@ -192,6 +191,14 @@ impl Record {
     }
 }
 
+/// Distance of the nearest thing that rises from the surface, if few rays have met it, so that the second derivative knows little of it; else infinity.
+fn small_obstacle(risers: &[Riser; SECTORS]) -> f32 {
+    let away = risers.map(|r| if r.normal == Vec2::ZERO { f32::INFINITY } else { (-r.offset).max(0.0) });
+    let nearest = away.iter().copied().fold(f32::INFINITY, f32::min);
+    let beside = away.iter().filter(|d| **d <= NEARLY * nearest).count();
+    if beside <= SMALL { nearest } else { f32::INFINITY }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,16 +215,18 @@ mod tests {
     }
 
     #[test]
-    fn a_record_ends_at_what_rises_beside_it() {
+    fn a_record_ends_at_a_small_thing_that_rises_beside_it() {
         let (frame, e, limits) = steep();
         let flat = Estimate { translation: [Rgb::ZERO; 2], hessian: [0.0; 3], ..e };
-        let beside = |distance: f32| {
-            let wall = Riser { normal: Vec2::X, offset: -distance };
-            let risers = |_: &Frame| std::array::from_fn(|k| if k == 8 { wall } else { Riser::NONE });
+        let beside = |distance: f32, sectors: usize| {
+            let thing = Riser { normal: Vec2::X, offset: -distance };
+            let risers = |_: &Frame| std::array::from_fn(|k| if k < sectors { thing } else { Riser::NONE });
             Record::new(Vec3::ZERO, &frame, &flat, &limits, risers).radii
         };
-        // Light that does not vary reaches as far as it may, but for the wall.
-        assert_eq!([beside(100.0), beside(3.0), beside(0.1)], [10.0, 3.0, 1.0].map(Vec2::splat));
+        // Light that does not vary reaches as far as it may, but for the thing.
+        assert_eq!([beside(100.0, 1), beside(3.0, 2), beside(0.1, 1)], [10.0, 3.0, 1.0].map(Vec2::splat));
+        // A wall is in the derivatives.
+        assert_eq!(beside(3.0, 7), Vec2::splat(10.0));
     }
 
     #[test]

@@ -87,8 +87,8 @@ pub struct CacheStatistics {
     pub surfel_rays: RayCounts,
     /// Records with the least radius.
     pub smallest: usize,
-    /// Places left without a record because the number of new ones was spent or the scene is hopeless.
+    /// Places left without a record because the number of new ones was spent.
     pub left: usize,
-    /// The scene is too finely structured: nothing more is done.
-    pub hopeless: bool,
+    /// Shapes that are too finely structured: they get no more records.
+    pub hopeless: usize,
 }

@@ -6,7 +6,7 @@
 //! Source      Ward, Rubinstein, Clear 1988, "A Ray Tracing Solution for Diffuse Interreflection"; Yue, Onoue and Nishita
 //! Bias        of interpolation (falls with [`CacheSettings::error`]) and of the surfels (`surfels.rs`); shading normals are
 //!             those of the geometry, bump maps do not turn them
-//! Not handled glossy receivers; scenes so finely structured that a record covers next to nothing ([`CacheStatistics::hopeless`])
+//! Not handled glossy receivers; shapes so finely structured that a record covers next to nothing ([`CacheStatistics::hopeless`])
 //! Determinism a function of the settings and of the calls, for any number of threads
 //! Verified by tests/irradiance_cache.rs
 //!
@@ -50,7 +50,7 @@ const ROUND: (usize, usize) = (64, 1024);
 const PILOT: (usize, u32) = (256, 8);
 /// Share of the mean irradiance to which errors are relative in darker places.
 const DARK: f32 = 0.1;
-/// A scene is given up if of so many records, or more, this share has the least radius.
+/// A shape is given up if of so many records on it, or more, this share has the least radius: hair, leaves.
 const HOPELESS: (usize, f32) = (256, 0.45);
 /// Records whose normals' cosine is less do not bound each other's radii.
 const SAME_SURFACE: f32 = 0.7;
@@ -70,7 +70,8 @@ pub struct IrradianceCache<'a> {
     min_radii: Vec<f32>,
     tree: SphereOctree,
     left: usize,
-    hopeless: bool,
+    /// Shapes that are given up, in order.
+    hopeless: Vec<u32>,
 }
 
 impl<'a> IrradianceCache<'a> {
@@ -88,7 +89,7 @@ impl<'a> IrradianceCache<'a> {
             min_radii: Vec::new(),
             tree: SphereOctree::new(center, radius),
             left: 0,
-            hopeless: false,
+            hopeless: Vec::new(),
         }
     }
 
@@ -126,12 +127,12 @@ impl<'a> IrradianceCache<'a> {
             surfel_rays: self.light.as_ref().map_or(RayCounts::default(), |l| l.counts),
             smallest: self.smallest(),
             left: self.left,
-            hopeless: self.hopeless,
+            hopeless: self.hopeless.len(),
         }
     }
 
     fn smallest(&self) -> usize {
-        self.records.iter().zip(&self.min_radii).filter(|(r, m)| r.radii.max_element() <= **m * 1.001).count()
+        self.records.iter().zip(&self.min_radii).filter(|(r, m)| is_smallest(r, **m)).count()
     }
 
     /// Indirect irradiance at a point, `None` where no record may be used. Normals are unit and point to the side that is
@@ -183,8 +184,7 @@ impl<'a> IrradianceCache<'a> {
     /// [`Self::finish`] after the last level.
     pub fn fill(&mut self, places: &[Place], light: &HitLight, max_new: usize) {
         let mut open: Vec<u32> = self.uncovered(places, (0..places.len() as u32).collect());
-        if open.is_empty() || self.hopeless {
-            self.left += open.len();
+        if open.is_empty() {
             return;
         }
         if self.light.is_none() {
@@ -193,7 +193,7 @@ impl<'a> IrradianceCache<'a> {
         // Any order will do that spreads the first ones over all.
         open.sort_by_key(|&i| (hash(self.settings.seed, u64::from(i)), i));
         let mut budget = max_new;
-        while !open.is_empty() && budget > 0 && !self.hopeless {
+        while !open.is_empty() && budget > 0 {
             let size = (self.records.len() / 2).clamp(ROUND.0, ROUND.1).min(budget).min(open.len());
             let rest = open.split_off(size);
             let round: Vec<Place> = open.iter().map(|&i| places[i as usize]).collect();
@@ -204,10 +204,33 @@ impl<'a> IrradianceCache<'a> {
                 // Radii shrink by what neighbours learn: some places have lost their record.
                 open = self.uncovered(places, (0..places.len() as u32).collect());
             }
-            let records = self.records.len();
-            self.hopeless = records >= HOPELESS.0 && self.smallest() as f32 > HOPELESS.1 * records as f32;
+            let before = self.hopeless.len();
+            self.give_up();
+            if self.hopeless.len() > before {
+                open = self.uncovered(places, open);
+            }
         }
         self.left += open.len();
+    }
+
+    /// Leaves out from now on what another cache has given up.
+    pub fn give_up_as(&mut self, other: &IrradianceCache) {
+        self.hopeless.clone_from(&other.hopeless);
+    }
+
+    /// Gives up shapes on which records cover next to nothing.
+    fn give_up(&mut self) {
+        // Records and those of least radius, by shape.
+        let mut counts = std::collections::BTreeMap::<u32, [usize; 2]>::new();
+        for (place, (record, least)) in self.gather.places().iter().zip(self.records.iter().zip(&self.min_radii)) {
+            let count = counts.entry(place.shape).or_default();
+            count[0] += 1;
+            count[1] += usize::from(is_smallest(record, *least));
+        }
+        let fine = counts.iter().filter(|(_, [n, least])| *n >= HOPELESS.0 && *least as f32 > HOPELESS.1 * *n as f32);
+        self.hopeless.extend(fine.map(|(shape, _)| *shape));
+        self.hopeless.sort_unstable();
+        self.hopeless.dedup();
     }
 
     /// Solves for all bounces between the surfels found so far and evaluates all records with them. Radii stay.
@@ -287,7 +310,8 @@ impl<'a> IrradianceCache<'a> {
     }
 
     fn uncovered(&self, places: &[Place], candidates: Vec<u32>) -> Vec<u32> {
-        candidates.into_par_iter().with_min_len(256).filter(|&i| !self.covers(&places[i as usize].facet)).collect()
+        let open = |at: &Facet| self.hopeless.binary_search(&at.shape).is_err() && !self.covers(at);
+        candidates.into_par_iter().with_min_len(256).filter(|&i| open(&places[i as usize].facet)).collect()
     }
 
     /// Adds a record at each place.
@@ -374,7 +398,7 @@ impl<'a> IrradianceCache<'a> {
         let mut cache = IrradianceCache::new(world, CacheSettings::take(from)?);
         (cache.gather, cache.light) = (GatherCache::take(from)?, Stored::take(from)?);
         (cache.min_radii, cache.left) = (Vec::take(from)?, usize::take(from)?);
-        (cache.hopeless, cache.records) = (bool::take(from)?, Vec::take(from)?);
+        (cache.hopeless, cache.records) = (Vec::take(from)?, Vec::take(from)?);
         let n = cache.gather.len();
         if cache.min_radii.len() != n || cache.records.len() != n {
             return None;
@@ -382,4 +406,9 @@ impl<'a> IrradianceCache<'a> {
         cache.index();
         Some(cache)
     }
+}
+
+/// Whether a record has the least radius.
+fn is_smallest(record: &Record, least: f32) -> bool {
+    record.radii.max_element() <= least * 1.001
 }

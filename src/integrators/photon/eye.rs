@@ -40,8 +40,8 @@ use std::f32::consts::FRAC_1_PI;
 
 /// Probability that a prediction of the cache is checked by a path. The noise of the correction goes with 1 / u, the cost with u.
 const CHECK: f32 = 0.25;
-/// Greatest depth up to which a bounce more or less is seen.
-const MATTERS: u32 = 10;
+/// Number of further bounces up to which one more or less is seen.
+const MATTERS: u32 = 5;
 
 /// Greatest density per solid angle with which a glossy lobe sends rays that may end on surfels: their cells span a hundredth of a
 /// steradian (`surfels::CELL_PER_DISTANCE`), and the lobe is to cover several.
@@ -301,7 +301,7 @@ impl Eye<'_> {
 
     /// Whether the cache, which holds the bounces that are left behind the first surface, has more than are left at this depth, so that it shows.
     fn has_too_many_bounces(&self, depth: u32) -> bool {
-        depth > 0 && self.settings.path.max_depth.is_some_and(|max| max <= MATTERS)
+        depth > 0 && self.settings.path.max_depth.is_some_and(|max| max < depth + MATTERS)
     }
 
     /// Whole irradiance at the end of a ray that stands for many directions, if the cache knows it.

@@ -9,8 +9,8 @@
 //! Source      Namae & Makino (photons, light samples, pixels where derivatives predict edges); Jensen 2001 (the split into
 //!             direct, caustic and indirect light); Yue, Onoue & Nishita (stored gather rays); Knaus & Zwicker 2011 (passes)
 //! Bias        kernels and interpolated irradiance: both shrink with the passes
-//! Depth       the cache holds the bounces that are left behind the first surface. Behind mirrors and glass fewer are: if that matters (up
-//!             to `MATTERS` segments in all) paths take its place. What gather rays meet in mirrors counts as if the mirror were none
+//! Depth       the cache holds the bounces that are left behind the first surface. Behind mirrors and glass fewer are: where that
+//!             shows (few are left) paths take its place. What gather rays meet in mirrors counts as if the mirror were none
 //! Not handled participating media
 //! Verified by tests/photon.rs (agreement with `path`, furnace, determinism), tests/references.rs
 
@@ -185,7 +185,7 @@ impl<'a> Photon<'a> {
         let Some(cache) = &self.cache else { return };
         let known = cache.statistics();
         let cost = (known.record_rays + known.surfel_rays).total();
-        if pass > 0 && (self.samples_since * RAYS_PER_SAMPLE < cost as f64 || known.hopeless) {
+        if pass > 0 && self.samples_since * RAYS_PER_SAMPLE < cost as f64 {
             return;
         }
         let finer = 1.0 + self.caches as f32;
@@ -196,7 +196,9 @@ impl<'a> Photon<'a> {
             seed: hash(self.settings.seed, u64::from(self.caches)),
             ..usual
         };
+        let given_up = cache;
         let mut cache = IrradianceCache::new(self.world, settings);
+        cache.give_up_as(given_up);
         self.fill(&mut cache, over);
         // Without the time to finish it there will be no further samples.
         if pass == 0 || !over() {
@@ -229,7 +231,7 @@ impl<'a> Photon<'a> {
         let finest = if self.caches == 0 { 4 } else { 2 };
         let mut known = None;
         for spacing in [32, 16, 8, 4, 2].into_iter().filter(|&s| s >= finest) {
-            if over() || cache.records().len() >= most || cache.statistics().hopeless {
+            if over() || cache.records().len() >= most {
                 break;
             }
             let places = places::places(self.world, self.window, spacing, known);
@@ -377,7 +379,7 @@ impl Integrator for Photon<'_> {
                 ("cache rays of surfels", surfels.rays),
                 ("cache shadow rays", records.shadow_rays + surfels.shadow_rays),
                 ("cache places left", s.left as u64),
-                ("cache hopeless", u64::from(s.hopeless)),
+                ("cache shapes given up", s.hopeless as u64),
             ]);
         }
         all
