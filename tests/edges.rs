@@ -106,7 +106,9 @@ fn a_score_has_the_stated_keys_and_the_detector_passes_it() {
     for (one, test) in list.iter().zip(["bounds", "corners"]) {
         assert_eq!((one["family"].as_str(), one["test"].as_str()), (Some("pixel"), Some(test)));
         assert_eq!(one["order"], 2);
-        assert_eq!(one["footprints"], 256 * 256);
+        // A few are left out, whose edge lies between the rays of two pixels.
+        let footprints = one["footprints"].as_u64().unwrap();
+        assert!((65_000..=256 * 256).contains(&footprints), "{footprints}");
         assert!(one["edges"].as_u64().unwrap() > 1000);
         for key in ["recall", "precision"] {
             assert!((0.0..=1.0).contains(&one[key].as_f64().unwrap()), "{key}");

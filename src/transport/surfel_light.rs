@@ -366,7 +366,7 @@ impl SurfelLight {
         }
     }
 
-    /// Gauss-Seidel sweeps over the large surfels from `start` on; then the others follow them.
+    /// Gauss-Seidel sweeps over the large surfels from `start` on, which the others follow.
     fn sweeps(&mut self, start: usize, limit: u32) {
         let n = self.total.len();
         if !self.entries.is_empty() {
@@ -380,12 +380,19 @@ impl SurfelLight {
                     count += 1;
                     self.total[k] = value;
                 }
+                // Some rays meet surfels of small cells too.
+                self.follow(start);
                 if change <= CONVERGED * sum / count.max(1) as f32 {
                     break;
                 }
             }
         }
-        for k in start..n {
+        self.follow(start);
+    }
+
+    /// Gives the surfels from `start` on that have no rays of their own what the rays of theirs bring.
+    fn follow(&mut self, start: usize) {
+        for k in start..self.total.len() {
             self.total[k] = self.own[k] + self.indirect[self.gatherer[k] as usize];
         }
     }
