@@ -22,16 +22,6 @@ use std::sync::atomic::AtomicBool;
 /// Two-sided normal quantile at 0.01 / 40, with the wider tails of a few runs.
 const LIMIT: f64 = 5.0;
 
-fn render_photon(desc: Description, settings: PhotonSettings, passes: u64) -> Progress {
-    let scene = Scene::new(desc).expect("the scene is valid");
-    let accel = Accel::new(&scene.shapes);
-    let window = scene.film.crop;
-    let lights = LightTree::new(&scene);
-    let mut integrator = Photon::new(World::new(&scene, &accel).with_lights(&lights), settings, window);
-    let run = RenderSettings { window, passes: Some(passes), deadline: None, seed: settings.seed, features: false };
-    render(&scene, &mut integrator, &run, &AtomicBool::new(false), &mut Silent)
-}
-
 fn mean(done: &Progress) -> f64 {
     done.film.mean_and_error().0[0]
 }

@@ -7,14 +7,12 @@ mod common;
 use common::*;
 use dualux::accel::Accel;
 use dualux::integrators::path::PathSettings;
-use dualux::integrators::photon::{Photon, PhotonSettings};
+use dualux::integrators::photon::PhotonSettings;
 use dualux::math::{DMat4, DVec3, Rgb};
-use dualux::render::{RenderSettings, Silent, render};
 use dualux::scene::description::*;
 use dualux::scene::{Description, Scene};
 use dualux::transport::World;
 use dualux::transport::gather_sky::is_gathered;
-use std::sync::atomic::AtomicBool;
 
 /// Standard errors.
 const LIMIT: f64 = 5.0;
@@ -46,21 +44,17 @@ fn room(window: f64) -> Description {
 
 fn photon_mean(window: f64) -> (f64, f64) {
     mean_over_runs(8, |seed| {
-        let scene = Scene::new(room(window)).expect("the scene is valid");
-        let accel = Accel::new(&scene.shapes);
-        let world = World::new(&scene, &accel);
-        assert!(is_gathered(&world), "else this tests nothing");
         let settings = PhotonSettings { seed, adaptive_sampling: false, ..PhotonSettings::default() };
-        let mut photon = Photon::new(world, settings, scene.film.crop);
-        let settings =
-            RenderSettings { window: scene.film.crop, passes: Some(12), deadline: None, seed, features: false };
-        render(&scene, &mut photon, &settings, &AtomicBool::new(false), &mut Silent)
+        render_photon(room(window), settings, 12)
     })
 }
 
 #[test]
 fn sky_through_a_window_has_the_mean_of_paths() {
     for window in [1.2, 0.3] {
+        let scene = Scene::new(room(window)).expect("the scene is valid");
+        let accel = Accel::new(&scene.shapes);
+        assert!(is_gathered(&World::new(&scene, &accel)), "else this tests nothing");
         let (a, a_error) = photon_mean(window);
         let (b, b_error) =
             mean_over_runs(8, |seed| render_path(room(window), PathSettings::default(), 256, 100 + seed));

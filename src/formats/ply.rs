@@ -13,6 +13,7 @@ use crate::scene::mesh::MeshData;
 use std::path::Path;
 
 mod header;
+pub mod points;
 #[cfg(test)]
 mod tests;
 

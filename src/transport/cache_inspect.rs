@@ -12,6 +12,7 @@
 
 use super::cache_record::{BORDER, Record};
 use super::irradiance_cache::IrradianceCache;
+use crate::formats::ply::points;
 use crate::math::Vec3;
 use std::io::{self, Write};
 
@@ -66,14 +67,8 @@ const FLOATS: [&str; 17] = [
 /// Writes records as a binary PLY file, little-endian: position, normal, half axes s and t of the ellipse (world units), irradiance, and the
 /// lengths of the half axes.
 pub fn write_ply(out: &mut impl Write, records: &[Record]) -> io::Result<()> {
-    let mut header = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment records of an irradiance cache: half axes s and t, irradiance\n\
-         element vertex {}\n",
-        records.len()
-    );
-    FLOATS.iter().for_each(|name| header += &format!("property float {name}\n"));
-    header += "end_header\n";
-    out.write_all(header.as_bytes())?;
+    let comment = "records of an irradiance cache: half axes s and t, irradiance";
+    out.write_all(&points::header(comment, records.len(), &[("float", &FLOATS)]))?;
     for r in records {
         let (s, t) = (r.frame.s * r.radii.x, r.frame.t * r.radii.y);
         let vectors = [r.p, r.frame.n, s, t, r.irradiance].map(|v| v.to_array());

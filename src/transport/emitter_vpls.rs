@@ -23,7 +23,7 @@ use std::f64::consts::FRAC_1_PI;
 
 /// Separates shifts of points from other random numbers.
 const STREAM: u64 = 0x6c61_6d70_7670_6c73; // "lampvpls"
-/// Estimated powers (textures) are believed down to this share of the mean.
+/// A lamp is drawn as if its power were at least this share of the mean: powers of textured lamps are estimates.
 const FLOOR: f64 = 0.1;
 
 /// Makes the lights on emitters of each pass.

@@ -78,19 +78,19 @@ impl<'a> IrradianceCache<'a> {
     /// An empty cache.
     pub fn new(world: World<'a>, settings: CacheSettings) -> Self {
         let (center, radius) = world.scene.bounds;
-        let mut gather = GatherCache::new(settings.gather_rays, settings.seed);
-        gather.most_segments = settings.bounces.map(|n| n + 1);
-        IrradianceCache {
+        let mut cache = IrradianceCache {
             world,
             settings,
-            gather,
+            gather: GatherCache::new(settings.gather_rays, settings.seed),
             light: None,
             records: Vec::new(),
             min_radii: Vec::new(),
             tree: SphereOctree::new(center, radius),
             left: 0,
             hopeless: Vec::new(),
-        }
+        };
+        cache.limit_bounces(settings.bounces);
+        cache
     }
 
     /// The scene.

@@ -5,6 +5,7 @@
 //! first, infinite where unknown), light, stratum, segments, class (0 direct, 1 caustic, 2 indirect).
 
 use super::photon::Photon;
+use crate::formats::ply::points;
 use std::io::{self, Write};
 
 const FLOATS: [&str; 18] = [
@@ -13,15 +14,10 @@ const FLOATS: [&str; 18] = [
 
 /// Writes the photons, little-endian.
 pub fn write_ply(out: &mut impl Write, photons: &[Photon]) -> io::Result<()> {
-    let mut header = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment photons: flux in W, axes are standard deviations of the footprint\n\
-         element vertex {}\n",
-        photons.len()
-    );
-    FLOATS.iter().for_each(|name| header += &format!("property float {name}\n"));
-    ["light", "stratum", "segments"].iter().for_each(|name| header += &format!("property uint {name}\n"));
-    header += "property uchar class\nend_header\n";
-    out.write_all(header.as_bytes())?;
+    let comment = "photons: flux in W, axes are standard deviations of the footprint";
+    let properties: [(&str, &[&str]); 3] =
+        [("float", &FLOATS), ("uint", &["light", "stratum", "segments"]), ("uchar", &["class"])];
+    out.write_all(&points::header(comment, photons.len(), &properties))?;
     for photon in photons {
         let [a, b] = photon.sigma;
         for v in [photon.p, photon.n, photon.wi, photon.flux, a, b] {

@@ -206,9 +206,7 @@ impl SurfelLight {
             return;
         }
         self.indirect.copy_from_slice(&self.scattered);
-        for (k, total) in self.total.iter_mut().enumerate() {
-            *total = self.own[k] + self.indirect[self.gatherer[k] as usize];
-        }
+        self.follow(0);
         self.sweeps(0, MAX_SWEEPS);
     }
 
@@ -368,26 +366,25 @@ impl SurfelLight {
 
     /// Gauss-Seidel sweeps over the large surfels from `start` on, which the others follow.
     fn sweeps(&mut self, start: usize, limit: u32) {
-        let n = self.total.len();
-        if !self.entries.is_empty() {
-            for _ in 0..limit {
-                let (mut change, mut sum, mut count) = (0f32, 0f32, 0u32);
-                for k in (start..n).filter(|&k| self.gatherer[k] as usize == k) {
-                    self.indirect[k] = self.scattered[k] + self.gathered(k);
-                    let value = self.own[k] + self.indirect[k];
-                    change = change.max((value - self.total[k]).abs().max_element());
-                    sum += luminance(value);
-                    count += 1;
-                    self.total[k] = value;
-                }
-                // Some rays meet surfels of small cells too.
-                self.follow(start);
-                if change <= CONVERGED * sum / count.max(1) as f32 {
-                    break;
-                }
+        if self.entries.is_empty() || limit == 0 {
+            return self.follow(start);
+        }
+        for _ in 0..limit {
+            let (mut change, mut sum, mut count) = (0f32, 0f32, 0u32);
+            for k in (start..self.total.len()).filter(|&k| self.gatherer[k] as usize == k) {
+                self.indirect[k] = self.scattered[k] + self.gathered(k);
+                let value = self.own[k] + self.indirect[k];
+                change = change.max((value - self.total[k]).abs().max_element());
+                sum += luminance(value);
+                count += 1;
+                self.total[k] = value;
+            }
+            // Some rays meet surfels of small cells too.
+            self.follow(start);
+            if change <= CONVERGED * sum / count.max(1) as f32 {
+                break;
             }
         }
-        self.follow(start);
     }
 
     /// Gives the surfels from `start` on that have no rays of their own what the rays of theirs bring.

@@ -22,6 +22,7 @@ use self::posterior::{MOST_NEIGHBOURS, agreement, surrounding};
 use super::World;
 use super::surfels::Facet;
 use super::vpl::{Vpls, mean};
+use crate::formats::ply::points;
 use crate::math::Vec3;
 use crate::math::sampler::{hash, unit_f32};
 use arrayvec::ArrayVec;
@@ -227,10 +228,7 @@ impl VisibilityCache {
 pub fn write_ply(caches: &[&VisibilityCache]) -> Vec<u8> {
     const FLOATS: [&str; 8] = ["x", "y", "z", "nx", "ny", "nz", "mean", "kappa"];
     let count: usize = caches.iter().map(|c| c.points.len()).sum();
-    let mut out =
-        format!("ply\nformat binary_little_endian 1.0\ncomment cache points of visibility\nelement vertex {count}\n");
-    FLOATS.iter().for_each(|name| out += &format!("property float {name}\n"));
-    let mut out = (out + "end_header\n").into_bytes();
+    let mut out = points::header("cache points of visibility", count, &[("float", &FLOATS)]);
     for cache in caches {
         for (point, spread) in cache.points.iter().zip(&cache.spread) {
             let values = [point.p.to_array(), point.n_shade.to_array()];

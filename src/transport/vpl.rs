@@ -22,6 +22,7 @@
 use super::World;
 use super::photon_walk::{Goal, WalkSettings, trace};
 use crate::emission::{EmissionDensity, Sequence, Uniform};
+use crate::formats::ply::points;
 use crate::math::{Rgb, Vec3};
 use crate::scene::{Bsdf, Scene, Transport};
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -212,12 +213,8 @@ impl Vpls {
 pub fn write_ply<'a>(sets: impl Iterator<Item = &'a Vpls>) -> Vec<u8> {
     const FLOATS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "power_r", "power_g", "power_b", "radius"];
     let lights: Vec<&Vpl> = sets.flat_map(|s| &s.lights).collect();
-    let mut out = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment virtual point lights\nelement vertex {}\n",
-        lights.len()
-    );
-    FLOATS.iter().for_each(|name| out += &format!("property float {name}\n"));
-    let mut out = (out + "property uint segments\nend_header\n").into_bytes();
+    let properties: [(&str, &[&str]); 2] = [("float", &FLOATS), ("uint", &["segments"])];
+    let mut out = points::header("virtual point lights", lights.len(), &properties);
     for light in lights {
         for v in [light.p, light.n, light.power] {
             v.to_array().iter().for_each(|c| out.extend(c.to_le_bytes()));

@@ -5,12 +5,14 @@ pub mod cache;
 
 use dualux::accel::{Accel, Simd};
 use dualux::integrators::path::{Path, PathSettings};
+use dualux::integrators::photon::{Photon, PhotonSettings};
 use dualux::math::{DMat4, DVec3, Rgb};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
 use dualux::scene::material::{Distribution, Roughness};
 use dualux::scene::{Color, Description, Material, Scalar, Scene};
 use dualux::transport::World;
+use dualux::transport::light_tree::LightTree;
 use std::sync::atomic::AtomicBool;
 
 /// A pinhole camera at `eye` that looks at `target`; `width` x `height` pixels, box filter, nothing else in the scene.
@@ -64,6 +66,17 @@ pub fn shape(
 /// Renders with the path tracer.
 pub fn render_path(desc: Description, settings: PathSettings, passes: u64, seed: u64) -> Progress {
     render_path_with(desc, settings, passes, seed, Simd::Avx2)
+}
+
+/// Renders with the photon integrator.
+pub fn render_photon(desc: Description, settings: PhotonSettings, passes: u64) -> Progress {
+    let scene = Scene::new(desc).expect("the scene is valid");
+    let accel = Accel::new(&scene.shapes);
+    let window = scene.film.crop;
+    let lights = LightTree::new(&scene);
+    let mut integrator = Photon::new(World::new(&scene, &accel).with_lights(&lights), settings, window);
+    let run = RenderSettings { window, passes: Some(passes), deadline: None, seed: settings.seed, features: false };
+    render(&scene, &mut integrator, &run, &AtomicBool::new(false), &mut Silent)
 }
 
 /// Renders with the path tracer and a chosen instruction set.

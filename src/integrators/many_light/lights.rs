@@ -30,7 +30,7 @@ impl<'a> Sources<'a> {
             .then(|| VplSource::new(world, wanted, path.max_depth, path.rr_depth, settings.seed))
             .flatten();
         let shown = settings.emitter_vpls > 0 && path.max_depth.is_none_or(|d| d > 1);
-        let count = settings.emitter_vpls.div_ceil((settings.interleave * settings.interleave) as usize);
+        let count = settings.emitter_vpls.div_ceil(settings.classes());
         let emitters = shown.then(|| EmitterVpls::new(world.scene, count, settings.seed)).flatten();
         Sources { photons, emitters }
     }

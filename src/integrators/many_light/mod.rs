@@ -96,7 +96,7 @@ impl<'a> ManyLight<'a> {
         };
         let scene = world.scene;
         let wanted = settings.vpls.unwrap_or((pixels / PIXELS_PER_LIGHT).clamp(FEWEST, MOST_LIGHTS));
-        let sources = Sources::new(world, wanted.div_ceil(classes(&settings)), &settings);
+        let sources = Sources::new(world, wanted.div_ceil(settings.classes()), &settings);
         let radius2 = sources.mean_area() * settings.area * FRAC_1_PI;
         let rest_of_lights = sources.emitters.is_some().then(|| {
             let tree = LightTree::of(scene, |e| !EmitterVpls::takes(scene, e));
@@ -134,7 +134,7 @@ impl<'a> ManyLight<'a> {
         if self.sources.is_empty() {
             return;
         }
-        let classes = classes(&self.settings) as u64;
+        let classes = self.settings.classes() as u64;
         let one = |k| PassLights::new(self.world, &self.sources, &self.clusters, &self.settings, pass * classes + k);
         self.lights = (0..classes).map(one).collect();
         for l in &self.lights {
@@ -215,11 +215,6 @@ impl<'a> ManyLight<'a> {
             has_rest: self.has_rest,
         }
     }
-}
-
-/// Classes of film positions with lights of their own.
-fn classes(settings: &ManyLightSettings) -> usize {
-    (settings.interleave * settings.interleave) as usize
 }
 
 impl Integrator for ManyLight<'_> {

@@ -37,6 +37,13 @@ pub struct ManyLightSettings {
     pub seed: u64,
 }
 
+impl ManyLightSettings {
+    /// Classes of film positions with lights of their own.
+    pub fn classes(&self) -> usize {
+        (self.interleave * self.interleave) as usize
+    }
+}
+
 impl Default for ManyLightSettings {
     fn default() -> Self {
         ManyLightSettings {

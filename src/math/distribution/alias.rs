@@ -74,13 +74,13 @@ impl AliasTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::sampler::{hash, unit_f32};
+    use crate::math::sampler::{hash, unit_f32, unit_f64};
 
     /// Largest deviation of observed counts from n p, in standard deviations.
     fn worst_deviation(table: &AliasTable, p: impl Fn(usize) -> f64, n: u64) -> f64 {
         let mut counts = vec![0u64; table.len()];
         for i in 0..n {
-            counts[table.sample((hash(77, i) >> 11) as f64 * 2f64.powi(-53)).unwrap()] += 1;
+            counts[table.sample(unit_f64(hash(77, i))).unwrap()] += 1;
         }
         let dev = |i: usize| (counts[i] as f64 - n as f64 * p(i)).abs() / (n as f64 * p(i) * (1.0 - p(i))).sqrt();
         (0..table.len()).filter(|&i| p(i) > 0.0).map(dev).fold(0.0, f64::max)

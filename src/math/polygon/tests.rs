@@ -2,11 +2,11 @@
 
 use super::*;
 use crate::math::DVec3;
-use crate::math::sampler::hash;
+use crate::math::sampler::{hash, unit_f64};
 use crate::math::stats::{chi_square_p, sidak};
 
 fn uniform(seed: u64, i: u64) -> [f64; 2] {
-    let f = |k: u64| (hash(seed, k) >> 11) as f64 * 2f64.powi(-53);
+    let f = |k: u64| unit_f64(hash(seed, k));
     [f(2 * i), f(2 * i + 1)]
 }
 

@@ -3,6 +3,7 @@
 use super::bounds::Cone;
 use super::*;
 use crate::formats::{LoadOptions, mitsuba_xml::load_text};
+use crate::math::sampler::unit_f64;
 use crate::math::stats::{chi_square_p, sidak};
 use std::fmt::Write;
 use std::path::Path;
@@ -97,7 +98,7 @@ fn frequencies_follow_the_probabilities() {
     for (k, at) in points(12).enumerate() {
         let mut seen = vec![0.0; tree.units().len() + 1];
         for i in 0..draws {
-            let u = (hash(k as u64, i) >> 11) as f64 * 2f64.powi(-53);
+            let u = unit_f64(hash(k as u64, i));
             let drawn = tree.sample(&at, u).and_then(|(unit, _)| tree.units().iter().position(|o| *o == unit));
             seen[drawn.unwrap_or(tree.units().len())] += 1.0;
         }
