@@ -11,9 +11,10 @@ use dualux::integrators::Integrator;
 use dualux::integrators::path::PathSettings;
 use dualux::integrators::photon::places::places;
 use dualux::integrators::photon::{Antialiasing, Indirect, Parts, Photon, PhotonSettings};
-use dualux::math::{DMat4, DVec3, Rgb};
+use dualux::math::{DMat4, DVec3, Rgb, Sampler, Vec3};
 use dualux::render::{Progress, RenderSettings, Silent, render};
 use dualux::scene::description::*;
+use dualux::scene::mesh::MeshData;
 use dualux::scene::{Description, Material, Scene};
 use dualux::transport::light_tree::LightTree;
 use dualux::transport::{CacheSettings, HitLight, IrradianceCache, World};
@@ -229,6 +230,45 @@ fn a_scene_without_light_or_surface_ends() {
     assert_eq!(mean(&render_photon(dark(), PhotonSettings::default(), 2)), 0.0);
     let empty = || empty_scene(DVec3::ZERO, DVec3::Z, 4, 4);
     assert_eq!(mean(&render_photon(empty(), PhotonSettings::default(), 2)), 0.0);
+}
+
+/// A ball of leaves: no record of the cache reaches further than the leaf it is on.
+fn leaves() -> Description {
+    let mut scene = empty_scene(DVec3::new(0.0, 0.0, 1.8), DVec3::ZERO, 160, 160);
+    let green = diffuse(&mut scene, 0.5);
+    let mut rng = Sampler::new(1, 0, 0);
+    let mut vector = || {
+        let [x, y, z, _] = rng.next_4d();
+        Vec3::new(x, y, z) * 2.0 - 1.0
+    };
+    let mut mesh = MeshData { face_normals: true, ..MeshData::default() };
+    for leaf in 0..6000 {
+        let center = vector();
+        mesh.positions.extend([vector(), vector(), vector()].map(|corner| center + 0.03 * corner));
+        mesh.triangles.push([3 * leaf, 3 * leaf + 1, 3 * leaf + 2]);
+    }
+    shape(&mut scene, GeometryDesc::Mesh(mesh), DMat4::IDENTITY, green, None);
+    scene.lights.push(LightDesc::Directional { direction: DVec3::new(-0.3, -1.0, -0.5), irradiance: Rgb::ONE });
+    scene
+}
+
+/// Where all shapes are given up, later caches hold surfels all the same.
+#[test]
+fn a_cache_that_is_given_up_everywhere_keeps_its_surfels() {
+    let scene = Scene::new(leaves()).expect("the scene is valid");
+    let (accel, lights) = (Accel::new(&scene.shapes), LightTree::new(&scene));
+    let world = World::new(&scene, &accel).with_lights(&lights);
+    let mut integrator = Photon::new(world, PhotonSettings::default(), scene.film.crop);
+    let mut made = 0;
+    for pass in 0..6 {
+        integrator.prepare(pass, &|| false);
+        let figures = integrator.figures();
+        let figure = |name: &str| figures.iter().find(|f| f.0 == name).expect("a figure").1;
+        assert_eq!(figure("cache shapes given up"), 1, "pass {pass}");
+        assert!(figure("cache surfels") > 1000, "pass {pass}: {}", figure("cache surfels"));
+        made = figure("caches");
+    }
+    assert!(made > 1, "there was no second cache");
 }
 
 /// Largest relative difference of means laid to kernels that reach over edges and corners.

@@ -1,0 +1,215 @@
+//! The irradiance cache of a progressive picture: made anew, and finer, as samples go on.
+//!
+//! Renewal     when as many samples have been taken as the last cache cost rays. Then noise and bias of caches fall with the
+//!             passes like the noise of samples, at no more than the cost of these
+//! Loaded      a cache that came from elsewhere stays: it is filled where the eye sees uncovered places, and not renewed, so that
+//!             pictures of one camera path do not differ by their caches
+//! Given up    shapes on which a cache was of no use are left out of the next ones. Where no shape remains, the next cache
+//!             finds that out again: it is for its surfels, on which paths end
+//! Source      Knaus & Zwicker 2011 (passes whose bias shrinks), for records in place of photons
+//! Verified by tests/photon.rs, tests/cache_reuse.rs
+
+use super::places;
+use super::settings::PhotonSettings;
+use crate::math::sampler::hash;
+use crate::math::{Rgb, Vec3};
+use crate::transport::cache_file::FromFile;
+use crate::transport::gather_ray::RayCounts;
+use crate::transport::{CacheSettings, CacheStatistics, CausticMap, HitLight, IrradianceCache, World};
+
+/// Pixels for each record that a pass may add.
+const PIXELS_PER_RECORD: usize = 24;
+/// Records that the first pass may add however few pixels there are.
+const LEAST_RECORDS: usize = 1000;
+/// What a camera sample costs, in rays of the cache.
+const RAYS_PER_SAMPLE: f64 = 3.0;
+/// Records made before time is looked at again.
+const PORTION: usize = 512;
+
+/// The present cache, and what is known of those before it.
+pub(super) struct RenewedCache<'a> {
+    world: World<'a>,
+    window: [u32; 4],
+    /// Settings of the first cache.
+    usual: CacheSettings,
+    seed: u64,
+    /// Segments of a light path up to the end of a gather ray, at most.
+    most_segments: u32,
+    cache: IrradianceCache<'a>,
+    /// Caches made so far.
+    made: u32,
+    /// Rays of all caches before this one.
+    rays_before: RayCounts,
+    /// What the cache was when it came from elsewhere; `None` if it is the integrator's own.
+    loaded: Option<Loaded>,
+    /// Samples taken since this one was made.
+    samples_since: f64,
+}
+
+/// A cache from elsewhere.
+struct Loaded {
+    /// As it came.
+    as_it_was: CacheStatistics,
+    /// Whether it has the light of this scene.
+    same_light: bool,
+}
+
+impl<'a> RenewedCache<'a> {
+    /// An empty cache for the pixels of `window` (x, y, width, height).
+    pub fn new(world: World<'a>, settings: &PhotonSettings, window: [u32; 4]) -> Self {
+        let max_depth = settings.path.max_depth;
+        // A path from the eye by way of a record has three segments at least; what is left are bounces.
+        let usual = CacheSettings { bounces: max_depth.map(|max| max.saturating_sub(3)), ..CacheSettings::default() };
+        RenewedCache {
+            world,
+            window,
+            usual,
+            seed: settings.seed,
+            // The gather ray and the ray from the eye are segments too.
+            most_segments: max_depth.map_or(u32::MAX, |max| max.saturating_sub(2)),
+            cache: IrradianceCache::new(world, usual),
+            made: 0,
+            rays_before: RayCounts::default(),
+            loaded: None,
+            samples_since: 0.0,
+        }
+    }
+
+    /// Takes a cache from elsewhere in place of the present one.
+    pub fn take_over(&mut self, FromFile { cache, same_light }: FromFile<'a>) {
+        self.loaded = Some(Loaded { as_it_was: cache.statistics(), same_light });
+        self.cache = cache;
+    }
+
+    /// The cache.
+    pub fn cache(&self) -> &IrradianceCache<'a> {
+        &self.cache
+    }
+
+    /// Tells of camera samples that are about to be taken.
+    pub fn count_samples(&mut self, samples: f64) {
+        self.samples_since += samples;
+    }
+
+    /// Makes a cache if it is time for a new one. `map` has the caustics on what gather rays hit.
+    pub fn renew(&mut self, pass: u64, map: Option<&CausticMap>, over: &(dyn Fn() -> bool + Sync)) {
+        let most = self.most_segments;
+        let caustic = |p: Vec3, n: Vec3| map.map_or(Rgb::ZERO, |map| map.irradiance_within(p, n, most));
+        let light = HitLight::Operator { caustic: &caustic };
+        if let Some(&Loaded { same_light, .. }) = self.loaded.as_ref() {
+            if pass == 0 {
+                self.complete(same_light, &light, over);
+            }
+            return;
+        }
+        let known = self.cache.statistics();
+        let cost = (known.record_rays + known.surfel_rays).total();
+        // Nothing was found to make records of: nothing will be.
+        let idle = cost == 0;
+        if pass > 0 && (idle || self.samples_since * RAYS_PER_SAMPLE < cost as f64) {
+            return;
+        }
+        let cache = self.finer(&light, over);
+        // Without the time to finish it there will be no further samples.
+        if pass == 0 || !over() {
+            self.rays_before += known.record_rays + known.surfel_rays;
+            self.cache = cache;
+            self.made += 1;
+            self.samples_since = 0.0;
+        }
+    }
+
+    /// The next cache.
+    fn finer(&self, light: &HitLight, over: &(dyn Fn() -> bool + Sync)) -> IrradianceCache<'a> {
+        let finer = 1.0 + self.made as f32;
+        let settings = CacheSettings {
+            error: self.usual.error / finer.sqrt(),
+            surfel_cell: self.usual.surfel_cell / finer.sqrt(),
+            seed: hash(self.seed, u64::from(self.made)),
+            ..self.usual
+        };
+        let mut cache = IrradianceCache::new(self.world, settings);
+        cache.give_up_as(&self.cache);
+        self.fill(&mut cache, light, over);
+        if cache.records().is_empty() {
+            cache = IrradianceCache::new(self.world, settings);
+            self.fill(&mut cache, light, over);
+        }
+        cache
+    }
+
+    /// Makes a loaded cache fit: the present light, records for places that have none.
+    fn complete(&mut self, same_light: bool, light: &HitLight, over: &(dyn Fn() -> bool + Sync)) {
+        let empty = IrradianceCache::new(self.world, self.usual);
+        let mut cache = std::mem::replace(&mut self.cache, empty);
+        if !same_light {
+            cache.relight(self.world, light);
+        }
+        cache.limit_bounces(self.usual.bounces);
+        self.fill(&mut cache, light, over);
+        self.cache = cache;
+    }
+
+    /// Records for what the eye sees: coarse to fine.
+    fn fill(&self, cache: &mut IrradianceCache, light: &HitLight, over: &(dyn Fn() -> bool + Sync)) {
+        let pixels = self.window[2] as usize * self.window[3] as usize;
+        let known_records = cache.records().len();
+        let most = known_records + (pixels / PIXELS_PER_RECORD).max(LEAST_RECORDS) * (1 + self.made as usize);
+        let finest = if self.made == 0 { 4 } else { 2 };
+        let mut known = None;
+        for spacing in [32, 16, 8, 4, 2].into_iter().filter(|&s| s >= finest) {
+            if over() || cache.records().len() >= most {
+                break;
+            }
+            let places = places::places(self.world, self.window, spacing, known);
+            // In portions, between which time may be up.
+            loop {
+                let before = cache.records().len();
+                cache.fill(&places, light, PORTION.min(most.saturating_sub(before)));
+                if over() || cache.records().len() < before + PORTION {
+                    break;
+                }
+            }
+            known = Some(spacing);
+        }
+        cache.finish();
+    }
+
+    /// Rays that this run has traced for the present cache: of records, of surfels.
+    fn own_rays(&self) -> [RayCounts; 2] {
+        let (now, before) = (self.cache.statistics(), self.loaded.as_ref().map(|l| l.as_it_was).unwrap_or_default());
+        [now.record_rays - before.record_rays, now.surfel_rays - before.surfel_rays]
+    }
+
+    /// Rays that this run has traced for all caches.
+    pub fn rays(&self) -> RayCounts {
+        let [records, surfels] = self.own_rays();
+        self.rays_before + records + surfels
+    }
+
+    /// What is worth telling, in numbers.
+    pub fn figures(&self) -> Vec<(&'static str, u64)> {
+        let s = self.cache.statistics();
+        let [records, surfels] = self.own_rays();
+        let loaded = self.loaded.as_ref().map(|l| ("cache records loaded", l.as_it_was.records as u64));
+        let present = [
+            ("caches", u64::from(self.made)),
+            ("cache records", s.records as u64),
+            ("cache surfels", s.surfels as u64),
+            ("cache records of least radius", s.smallest as u64),
+            ("cache rays of records", records.rays),
+            ("cache rays of surfels", surfels.rays),
+            ("cache shadow rays", records.shadow_rays + surfels.shadow_rays),
+            ("cache places left", s.left as u64),
+            ("cache shapes given up", s.hopeless as u64),
+        ];
+        loaded.into_iter().chain(present).collect()
+    }
+
+    /// What the user should know of a loaded cache.
+    pub fn remark(&self) -> Option<&'static str> {
+        let other_light = self.loaded.as_ref().is_some_and(|l| !l.same_light);
+        other_light
+            .then_some("the cache was made under other light; its stored hits were evaluated under that of the scene")
+    }
+}
