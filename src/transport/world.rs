@@ -8,6 +8,8 @@ use crate::scene::{Bsdf, LightSample, Scene, SurfacePoint};
 
 /// Shadow rays stop this much short of the lamp, relative to the distance, so that the lamp does not shadow itself.
 const SHADOW_SHORTENING: f32 = 1e-4;
+/// And this much, relative to the coordinates of its end: what rounding moves a lamp that is close.
+const SHADOW_ROUNDING: f32 = 8.0 * f32::EPSILON;
 /// Most surfaces a ray may pass straight through (masks, null surfaces) before it is given up.
 pub const MAX_PASSED_SURFACES: u32 = 256;
 
@@ -86,9 +88,19 @@ impl<'a> World<'a> {
     }
 
     /// The segment from a surface point along the unit vector `wi` to a light at `distance`, for [`Self::transmittance`].
+    ///
+    /// It starts a little off the surface and aims at the same point of the light from there: seen from close by, that point lies in another
+    /// direction and at another distance.
     pub fn shadow_ray(&self, at: &SurfacePoint, wi: Vec3, distance: f32) -> Ray {
-        let tmax = distance * (1.0 - SHADOW_SHORTENING);
-        Ray { tmax, ..Ray::leaving(at, wi) }
+        let ray = Ray::leaving(at, wi);
+        if distance == f32::INFINITY {
+            return ray;
+        }
+        let end = at.p + wi * distance;
+        let to_end = end - ray.o;
+        let length = to_end.length();
+        let short = SHADOW_SHORTENING * length + SHADOW_ROUNDING * end.abs().max_element();
+        if length > short { Ray { d: to_end / length, tmax: length - short, ..ray } } else { Ray { tmax: 0.0, ..ray } }
     }
 
     /// What of the light reaches the end of a shadow ray. With `probe` it is found out what blocks it, at the price of a
@@ -126,6 +138,58 @@ pub fn power_heuristic(pdf: f32, other: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::{DMat4, DVec3, Sampler};
+    use crate::scene::description::*;
+    use crate::transport::tests::{Room, add, diffuse, empty, square};
+
+    /// A lamp of 1 cm at a slant beside a wall, far from the origin; `shade` stands halfway between them.
+    fn lamp_beside_a_wall(clearance: f64, shade: bool) -> Room {
+        let mut desc = empty();
+        let grey = diffuse(&mut desc, 0.5);
+        let place = DVec3::new(7.82, 3.13, 5.86);
+        add(&mut desc, GeometryDesc::Rectangle, square(place, -DVec3::X, 1.0), grey);
+        let lamp = place - clearance * DVec3::X;
+        add(
+            &mut desc,
+            GeometryDesc::Rectangle,
+            square(lamp, DVec3::new(1.0, 0.3, 0.2).normalize(), 0.3 * clearance),
+            grey,
+        );
+        desc.shapes[1].emission = Some(crate::scene::Color::Constant(crate::math::Rgb::ONE));
+        if shade {
+            let halfway = DMat4::from_translation(0.5 * clearance * DVec3::X);
+            add(&mut desc, GeometryDesc::Rectangle, halfway * square(lamp, DVec3::X, clearance), grey);
+        }
+        Room::new(desc)
+    }
+
+    #[test]
+    fn a_lamp_does_not_shadow_itself_however_close_it_is() {
+        for clearance in [1e-3, 1e-2, 0.1] {
+            for shade in [false, true] {
+                let room = lamp_beside_a_wall(clearance, shade);
+                let (world, scene) = (room.world(), &room.scene);
+                let (mut lit, mut all) = (0, 0);
+                for k in 0..500 {
+                    let mut rng = Sampler::new(3, 0, k);
+                    let spread = (rng.next_2d() * 2.0 - 1.0) * clearance as f32;
+                    let o = Vec3::new(7.82 - 0.2 * clearance as f32, 3.13 + spread.x, 5.86 + spread.y);
+                    let ray = Ray { o, d: Vec3::X, tmin: 0.0, tmax: f32::INFINITY };
+                    let at = world.surface(&ray, &room.accel.closest(&ray).expect("the wall"));
+                    let lights = 0..scene.lights.emitter_count() as u32;
+                    let views = lights.filter_map(|e| scene.lights.view(&scene.shapes, scene.textures(), e, at.p));
+                    for view in views.filter(|v| !v.is_delta()) {
+                        let Some(s) = view.sample(rng.next_2d()) else { continue };
+                        all += 1;
+                        lit +=
+                            u32::from(world.transmittance(world.shadow_ray(&at, s.wi, s.distance), false).share > 0.0);
+                    }
+                }
+                assert_eq!(all, 500);
+                assert_eq!(lit, if shade { 0 } else { all }, "clearance {clearance}");
+            }
+        }
+    }
 
     #[test]
     fn power_heuristic_is_a_partition_of_unity() {
