@@ -2,7 +2,7 @@
 //!
 //! The equations are those of [`super`]. The cone of normals and the cone under which the bounding sphere is seen are added as one
 //! angle, by its sine and cosine: no angle is computed. Every lane does the same plain arithmetic without a branch, which
-//! compilers turn into vector instructions; it is exact to the last bit with any of them.
+//! compilers turn into vector instructions, those of AVX2 where the processor has them; it is exact to the last bit with any of them.
 
 use super::LitPoint;
 use super::bounds::Bounds;
@@ -85,6 +85,22 @@ impl Node {
     /// Importance of each child at a point, and the squared distance of the middle of its box.
     #[inline]
     pub fn importance_and_distance2(&self, at: &LitPoint) -> (Lanes, Lanes) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has what the function enables.
+            return unsafe { self.lanes_avx2(at) };
+        }
+        self.lanes(at)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn lanes_avx2(&self, at: &LitPoint) -> (Lanes, Lanes) {
+        self.lanes(at)
+    }
+
+    #[inline(always)]
+    fn lanes(&self, at: &LitPoint) -> (Lanes, Lanes) {
         let (n, one_sided) = at.n.map_or((Vec3::ZERO, false), |n| (n, true));
         let (mut out, mut distance2) = ([0.0; WIDTH], [0.0; WIDTH]);
         for (k, (out, distance2)) in out.iter_mut().zip(&mut distance2).enumerate() {
