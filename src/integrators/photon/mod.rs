@@ -17,6 +17,7 @@ pub(super) mod caustics;
 mod eye;
 mod global;
 mod learned_lights;
+mod pilot;
 pub mod places;
 mod renewed_cache;
 mod settings;
@@ -26,11 +27,12 @@ pub use settings::{Antialiasing, Emission, Indirect, Parts, PhotonSettings};
 use self::caustics::Caustics;
 use self::eye::Eye;
 use self::global::Global;
+use self::pilot::Pilot;
 use self::renewed_cache::RenewedCache;
 use super::{Counts, Integrator, Told};
 use crate::emission::DensityMap;
 use crate::image::film::{Features, Film};
-use crate::math::{Rgb, Sampler, Vec2};
+use crate::math::{Rgb, Sampler};
 use crate::scene::camera::CameraRay;
 use crate::transport::antialias::{AntialiasSettings, samples_per_pixel};
 use crate::transport::cache_file::{CacheFileError, FromFile};
@@ -41,14 +43,6 @@ use crate::transport::photon_map::GlobalMap;
 use crate::transport::{CausticMap, IrradianceCache, World};
 use std::path::Path;
 
-/// Camera samples that find out how many light samples are needed, and their stream of random numbers.
-const PILOT: u64 = 512;
-const PILOT_STREAM: u64 = 0x9107;
-/// Most light samples of a camera sample, on average, and the least of one light.
-const MOST_LIGHT_SAMPLES: f32 = 10.0;
-const LEAST_LIGHT_SAMPLES: u32 = 4;
-/// Share of verdicts that must save samples: a verdict costs about as much as four shadow rays, and saves up to sixteen.
-const LEAST_USEFUL: f32 = 0.25;
 /// Samples of a pixel in each pass where nothing is adaptive: as many as Namae and Makino took.
 const FULL_SAMPLES: f32 = 16.0;
 /// The photon integrator.
@@ -110,29 +104,14 @@ impl<'a> Photon<'a> {
         self.cache.as_mut().map(|cache| cache.take_over(file)).is_some()
     }
 
-    /// Lowers the number of light samples where points that need several are the rule: then they would cost most of the time, and what
-    /// one pass lacks the next ones give. Verdicts that are hardly ever of use are done without.
+    /// Takes as many light samples as suit the rest of the picture, and verdicts where they are of use.
     fn ration_light_samples(&mut self) {
-        let [x0, y0, width, height] = self.window.map(|v| v as f32);
-        let eye = self.eye();
-        let mut counts = Counts::default();
-        for k in 0..PILOT {
-            let mut rng = Sampler::new(self.settings.seed, PILOT_STREAM, k);
-            let (at, lens) = (rng.next_2d(), rng.next_2d());
-            let ray = self.world.scene.camera.ray(Vec2::new(x0, y0) + at * Vec2::new(width, height), lens);
-            eye.sample(&ray, &mut rng, &mut counts);
-        }
-        let taken = counts.direct.light_samples as f32 / PILOT as f32;
-        let d = counts.direct;
-        let (of_use, of_none) = (d.visible + d.blocked, d.partial + d.unknown);
-        if (of_use as f32) < LEAST_USEFUL * (of_use + of_none) as f32 {
+        let pilot = Pilot::new(&self.eye(), self.window, self.direct.samples(), self.settings.seed);
+        let samples = pilot.light_samples();
+        if !pilot.verdicts_pay(samples) {
             self.direct.give_up_verdicts();
         }
-        let usual = self.direct.samples();
-        if taken > MOST_LIGHT_SAMPLES {
-            let rationed = (usual as f32 * MOST_LIGHT_SAMPLES / taken).round() as u32;
-            self.direct.set_samples(rationed.max(LEAST_LIGHT_SAMPLES.min(usual)));
-        }
+        self.direct.set_samples(samples);
     }
 
     fn eye(&self) -> Eye<'_> {
@@ -229,6 +208,7 @@ impl Integrator for Photon<'_> {
         if let Some(map) = &self.global_map {
             all.push(("indirect photons stored", map.stored() as u64));
         }
+        all.push(("samples of a light", u64::from(self.direct.samples())));
         all.extend(self.cache.iter().flat_map(RenewedCache::figures));
         all
     }
