@@ -1,7 +1,7 @@
 //! One record of the irradiance cache: where it may be used, and what it says there.
 //!
 //! ```text
-//!   E_i(x, n) = max(0, E_i + grad E . (x - x_i) + dE/dn . (n - n_i))                        per colour
+//!   E_i(x, n) = max(0, E_i (1 + v.H v / (2 Y)) + grad E . v + dE/dn . (n - n_i))            per colour; H, Y: of the luminance
 //!   d_i(x, n) = |((s.v)/R_1, (t.v)/R_2, (n_i.v)/R_n)| + sqrt((1 - n.n_i) / (1 - cos a)),    v = x - x_i
 //!   w_i       = 1 - d_i / b  for d_i < b, else 0
 //! ```
@@ -18,7 +18,8 @@
 //! more than the angle a apart.
 //! Source      Ward, Rubinstein, Clear 1988; Ward and Heckbert 1992 (gradients); Schwarzhaupt, Jensen, Jarosz 2012 (radii);
 //!             Krivanek et al. 2006 (limits)
-//! Bias        that of the interpolation; goes to 0 with a
+//! Bias        that of the interpolation; goes to 0 with a. Without the second-order term it would have one sign wherever the irradiance bends
+//!             one way, as on the ceiling above a bright floor (+2 % with the default a): tangents lie above a dome
 //! Verified by tests/irradiance_cache.rs
 
 use super::cache_file::stored;
@@ -38,6 +39,8 @@ const THICKNESS: f32 = 0.35;
 const SMALL: usize = 2;
 /// How much farther other things may be to count as near, relative.
 const NEARLY: f32 = 1.5;
+/// Most that the second-order term may amount to, over the disc of a record and relative to its irradiance: more is noise or an edge.
+const MOST_BEND: f32 = 0.05;
 /// Greatest height in front of a record, in mean radii (Ward's in-front test with its tolerance).
 const FRONT: f32 = 0.05;
 
@@ -59,11 +62,13 @@ pub struct Record {
     pub translation: [Rgb; 2],
     /// Derivative by the normal's components along `s` and `t`.
     pub rotation: [Rgb; 2],
+    /// Second derivatives of the luminance by translation: ss, st, tt; bounded like [`Self::translation`].
+    pub curvature: [f32; 3],
     /// What rises in the sectors of its plane, counted from `s`.
     pub risers: [Riser; SECTORS],
 }
 
-stored!(Record { p, frame, radii, irradiance, translation, rotation, risers });
+stored!(Record { p, frame, radii, irradiance, translation, rotation, curvature, risers });
 
 /// Limits of radii.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,6 +120,7 @@ impl Record {
             irradiance: e.irradiance,
             translation,
             rotation: turn(e.rotation),
+            curvature: turned(e.hessian, axis),
             risers: risers(&frame),
         };
         record.tame();
@@ -130,17 +136,24 @@ impl Record {
         self.irradiance = e.irradiance;
         self.translation = turn(e.translation);
         self.rotation = turn(e.rotation);
+        self.curvature = turned(e.hessian, Vec2::new(own.s.dot(frame.s), own.s.dot(frame.t)));
         self.tame();
     }
 
-    /// Bounds the derivative where the radius is larger than it allows, because of the least radius or because the light has become
-    /// known better since: over the mean radius the irradiance at most doubles (Krivanek et al. 2006, section 3).
+    /// Bounds the derivatives where the radius is larger than they allow, because of the least radius or because the light has become
+    /// known better since: over the mean radius the irradiance at most doubles (Krivanek et al. 2006, section 3), and bends by
+    /// [`MOST_BEND`].
     fn tame(&mut self) {
         let slope = Vec2::new(luminance(self.translation[0]), luminance(self.translation[1])).length();
         let change = slope * self.mean_radius();
         let most = luminance(self.irradiance);
         if change > most {
             self.translation.iter_mut().for_each(|t| *t *= most / change);
+        }
+        let [ss, _, tt] = self.curvature;
+        let bend = (ss.abs() * self.radii.x * self.radii.x + tt.abs() * self.radii.y * self.radii.y) / 8.0;
+        if bend > MOST_BEND * most {
+            self.curvature.iter_mut().for_each(|c| *c *= MOST_BEND * most / bend);
         }
     }
 
@@ -187,8 +200,27 @@ impl Record {
         let (v, dn) = (p - self.p, n - self.frame.n);
         let moved = self.translation[0] * v.dot(self.frame.s) + self.translation[1] * v.dot(self.frame.t);
         let turned = self.rotation[0] * dn.dot(self.frame.s) + self.rotation[1] * dn.dot(self.frame.t);
-        (self.irradiance + moved + turned).max(Rgb::ZERO)
+        (self.irradiance * (1.0 + self.bend(v)) + moved + turned).max(Rgb::ZERO)
     }
+
+    /// Second-order term over the irradiance, at the offset `v` from the record.
+    #[inline]
+    pub fn bend(&self, v: Vec3) -> f32 {
+        let (s, t) = (v.dot(self.frame.s), v.dot(self.frame.t));
+        let [ss, st, tt] = self.curvature;
+        let level = luminance(self.irradiance);
+        if level > 0.0 { (0.5 * (ss * s * s + tt * t * t) + st * s * t) / level } else { 0.0 }
+    }
+}
+
+/// Second derivatives ss, st, tt in the frame whose first axis is the unit vector `axis`.
+fn turned([ss, st, tt]: [f32; 3], axis: Vec2) -> [f32; 3] {
+    let (c, s) = (axis.x, axis.y);
+    [
+        c * c * ss + 2.0 * c * s * st + s * s * tt,
+        (c * c - s * s) * st + c * s * (tt - ss),
+        s * s * ss - 2.0 * c * s * st + c * c * tt,
+    ]
 }
 
 /// Distance of the nearest thing that rises from the surface, if few rays have met it, so that the second derivative knows little of it; else infinity.

@@ -39,7 +39,7 @@ impl Default for CacheSettings {
             max_radius: 0.1,
             surfel_cell: 0.06,
             surfel_rays: 16,
-            light_samples: 8,
+            light_samples: 4,
             bounces: None,
             seed: 0,
         }

@@ -320,7 +320,7 @@ impl<'a> IrradianceCache<'a> {
         let first = self.records.len();
         let facets: Vec<Facet> = round.iter().map(|p| p.facet).collect();
         self.gather.gather(&self.world, &mut light.surfels, &facets);
-        light.extend(&self.world, hit_light);
+        light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
         self.gather.scatter(&self.world, false);
         let estimates = self.gather.evaluate(first..self.gather.len(), light);
         let bright = |sum: f32, e: Rgb| sum + luminance(e);

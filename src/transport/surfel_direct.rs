@@ -21,7 +21,7 @@ use rayon::prelude::*;
 /// Aim for the relative variance of a surfel's direct light.
 const DIRECT_VARIANCE: f32 = 0.05;
 /// Most light samples over the least number.
-const MAX_MORE_SAMPLES: f32 = 4.0;
+const MAX_MORE_SAMPLES: f32 = 8.0;
 /// Places within its cell at which a surfel's direct light is sampled, in turn.
 const SPREAD: u32 = 4;
 /// Surfels from which the number of samples is found out.

@@ -39,6 +39,9 @@ const FURTHER: usize = 4096;
 const MOST_GENERATIONS: u32 = 32;
 /// Surfels that one task works on.
 const CHUNK: usize = 64;
+/// Places of a cell at which caustics are looked up. One would do for a record, which averages hundreds of surfels, but the few that hold a small
+/// bright spot are seen by all records: their error is common to the whole picture.
+const CAUSTIC_PLACES: usize = 2;
 /// Streams of random numbers.
 const DIRECT: u64 = 0x5d1;
 const ROWS: u64 = 0x5d2;
@@ -166,9 +169,9 @@ impl SurfelLight {
         &self.total
     }
 
-    /// Lights the surfels that were founded since the last call, and those that their rays found.
-    pub fn extend(&mut self, world: &World, light: &HitLight) {
-        self.surfels.coarsen();
+    /// Lights the surfels that were founded since the last call, and those that their rays found. `rays`: gather rays of records so far.
+    pub fn extend(&mut self, world: &World, light: &HitLight, rays: usize) {
+        self.surfels.coarsen(rays);
         let first = self.total.len();
         let with_rows = matches!(light, HitLight::Operator { .. });
         for k in first..self.surfels.len() {
@@ -179,7 +182,7 @@ impl SurfelLight {
         }
         let mut most = None;
         for generation in 0..MOST_GENERATIONS {
-            self.surfels.coarsen();
+            self.surfels.coarsen(rays);
             let start = self.row_ends.len();
             if start == self.surfels.len() {
                 break;
@@ -330,9 +333,9 @@ impl SurfelLight {
                         let stream = (start + i) as u64;
                         let key = hash(settings.seed, DIRECT);
                         let places = places_of(world, &self.surfels, start + i, samples, key, stream, &mut counts);
-                        // Of caustics one place must do: asking for them costs as much as many shadow rays.
-                        let somewhere = &places[0];
-                        caustic(somewhere.p, somewhere.n_shade)
+                        // Of caustics two places must do: asking for them costs as much as many shadow rays.
+                        let some = &places[..places.len().min(CAUSTIC_PLACES)];
+                        some.iter().map(|at| caustic(at.p, at.n_shade)).sum::<Rgb>() / some.len() as f32
                             + direct(world, &places, samples, key, stream, &mut counts)
                     }
                 };

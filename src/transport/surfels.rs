@@ -41,9 +41,11 @@ const LIFT: f32 = 0.02;
 const CROWD: u32 = 24;
 /// Least cosine between normals within a crowd.
 const CROWD_NORMAL_COS: f32 = 0.3;
-/// Surfels beyond which cells are doubled, for the first time and each time over the number before.
+/// Surfels beyond which cells are doubled, for the first time and each time over the number before, ...
 const MANY: usize = 50_000;
 const MORE: f32 = 1.5;
+/// ... if there are more than this share of the gather rays: hardly any two rays share one then.
+const LONELY: f32 = 0.4;
 /// Coarse cells, in which some place is always found, over the largest ordinary ones.
 const COARSE: f32 = 4.0;
 const NONE: u32 = u32::MAX;
@@ -249,9 +251,11 @@ impl Surfels {
         if alike && seen() { at } else { own }
     }
 
-    /// Doubles the cells if there are too many surfels for them: geometry that fills space, such as hair.
-    pub fn coarsen(&mut self) {
-        if self.places.len() < self.limit {
+    /// Doubles the cells if there are too many surfels for the `rays` gather rays that have looked for one: geometry that fills space, such as
+    /// hair. What found its surfel before keeps it, but places look for theirs anew: where surfels are shared as they should be, doubled
+    /// cells would add to their number, and to the noise and the bias of small bright spots.
+    pub fn coarsen(&mut self, rays: usize) {
+        if self.places.len() < self.limit.max((LONELY * rays as f32) as usize) {
             return;
         }
         self.limit = (self.limit as f32 * MORE) as usize;
