@@ -7,9 +7,10 @@ use common::*;
 use dualux::math::{DMat4, DVec3, Frame, Rgb, Sampler, Vec3, warp};
 use dualux::scene::description::*;
 use dualux::scene::{Color, Description, Material, SurfacePoint};
+use dualux::transport::cache_record::{BORDER, Record};
 use dualux::transport::gather_ray::RayCounts;
 use dualux::transport::surfels::Facet;
-use dualux::transport::{CacheSettings, HitLight, Place, World};
+use dualux::transport::{CacheSettings, HitLight, IrradianceCache, Place, World};
 use std::f32::consts::PI;
 
 #[test]
@@ -166,6 +167,92 @@ fn agrees_with_brute_force_in_the_middle_and_in_the_corner_and_the_bound_of_the_
     let rms = errors.map(|e| (e / wanted.len() as f32).sqrt());
     assert!(rms[1] < 0.025 && rms[1] < rms[0], "{rms:?}");
     assert!(caches[1].records().len() > caches[0].records().len());
+}
+
+/// Light of hits on the floor alone, bright in its middle.
+fn bright_floor(p: Vec3, n: Vec3) -> Rgb {
+    let q = p.x * p.x + p.z * p.z;
+    if n.y > 0.9 { Rgb::splat(0.1 + 4.0 * (-6.0 * q).exp()) } else { Rgb::splat(0.1) }
+}
+
+/// What the records say at a place, with their second derivatives and without.
+fn interpolated(cache: &IrradianceCache, place: &Place) -> [f32; 2] {
+    let f = place.facet;
+    let (mut sums, mut weights) = ([0.0; 2], 0.0);
+    for record in cache.records() {
+        if let Some(d) = record.distance(f.p, f.n_shade, f.n_geo) {
+            let w = 1.0 - d / BORDER;
+            let flat = Record { curvature: [0.0; 3], ..*record };
+            for (sum, r) in sums.iter_mut().zip([record, &flat]) {
+                *sum += w * r.predict(f.p, f.n_shade).x;
+            }
+            weights += w;
+        }
+    }
+    sums.map(|sum| sum / weights)
+}
+
+#[test]
+fn below_a_dome_of_irradiance_the_mean_is_that_of_gathering_and_that_of_tangents_is_not() {
+    let ready = Ready::new(closed_box(0.5, None));
+    let world = ready.world();
+    let places = ready.places(Vec3::new(0.1, 0.2, -0.3), 6000, |at| at.p.y > 0.999);
+    let middle = |p: &&Place| p.facet.p.x.abs().max(p.facet.p.z.abs()) < 0.6;
+    let wanted: Vec<&Place> = places.iter().filter(middle).collect();
+    assert!(wanted.len() > 200, "{}", wanted.len());
+    // What gather rays bring at each place.
+    let mut expected = 0.0;
+    for (k, place) in wanted.iter().enumerate() {
+        let frame = Frame::from_normal(place.facet.n_shade);
+        let ray = |i| {
+            let mut rng = Sampler::new(5, k as u64, i);
+            let d = frame.to_world(warp::sample_cosine_hemisphere(rng.next_2d()));
+            let o = place.facet.surface_point().spawn_origin(d);
+            let end = world.gather(o, d, &mut rng, &mut RayCounts::default(), |_| {}).end.expect("the box is closed");
+            (end.weight * bright_floor(end.at.p, Facet::seen_from(&end.at, end.wo).n_geo)).x
+        };
+        expected += (0..1024).map(ray).sum::<f32>() / 1024.0;
+    }
+    // Several caches: the noise of one is as large as the bias.
+    let mut sums = [0.0; 2];
+    const CACHES: u64 = 8;
+    for seed in 0..CACHES {
+        let settings = CacheSettings { error: 0.02, seed, ..CacheSettings::default() };
+        let cache = fill(world, settings, &places, &HitLight::Map { total: &bright_floor });
+        for place in &wanted {
+            let e = interpolated(&cache, place);
+            assert!((e[0] - look(&cache, place).x).abs() < 1e-4 * e[0]);
+            sums[0] += e[0] / CACHES as f32;
+            sums[1] += e[1] / CACHES as f32;
+        }
+    }
+    let [second, first] = sums.map(|sum| sum / expected - 1.0);
+    println!("with second derivatives {second}, with tangents {first}");
+    assert!(second.abs() < 0.006, "{second}");
+    assert!(first > 0.008, "tangents lie above a dome: {first}");
+}
+
+#[test]
+fn what_a_ball_of_glass_shows_of_the_floor_below_has_small_cells() {
+    let near = |with_ball: bool| {
+        let mut desc = closed_box(0.5, None);
+        let glass =
+            Material::Dielectric { eta: 1.5, specular_reflectance: grey(1.0), specular_transmittance: grey(1.0) };
+        let glass = material(&mut desc, glass);
+        if with_ball {
+            let ball = GeometryDesc::Sphere { center: DVec3::new(0.0, -0.7, 0.0), radius: 0.3 };
+            shape(&mut desc, ball, DMat4::IDENTITY, glass, None);
+        }
+        let ready = Ready::new(desc);
+        let places = ready.places(Vec3::new(0.1, 0.5, -0.3), 4000, |at| at.p.y > 0.999);
+        let cache = fill(ready.world(), CacheSettings::default(), &places, &HitLight::Map { total: &bright_floor });
+        let surfels = cache.surfels().expect("there are surfels");
+        let under = |f: &&Facet| f.p.y < -0.999 && f.p.x.hypot(f.p.z) < 0.1;
+        surfels.surfels.places().iter().filter(under).count() as f32 * surfels.surfels.cell().powi(2)
+    };
+    let [covered, open] = [near(true), near(false)];
+    println!("surfels below the ball {covered}, without it {open}, over those of the largest cells");
+    assert!(covered > 4.0 * open, "{covered} {open}");
 }
 
 #[test]

@@ -223,9 +223,9 @@ impl GatherCache {
                 if let Some(end) = g.end.filter(|_| !too_long) {
                     let facet = Facet::seen_from(&end.at, end.wo);
                     hit.weight = end.weight * response;
-                    match surfels.find(world, &facet, g.distance) {
+                    match surfels.find(world, &facet, g.last) {
                         Some(k) => hit.surfel = k,
-                        None => unknown = Some((facet, g.distance)),
+                        None => unknown = Some((facet, g.last)),
                     }
                 }
                 hits.push(Traced { hit, unknown });

@@ -78,6 +78,8 @@ impl GlossyLight {
 pub struct GatherEnd {
     /// Length of the whole chain up to the end, infinite for rays that leave the scene.
     pub distance: f32,
+    /// Length of its last part, after the last surface that has reflected or refracted it.
+    pub last: f32,
     /// Length of the chain up to the first rough glossy surface, which glows like a diffuse one to those who move, else up to the end.
     pub depth: f32,
     /// Rays of the chain.
@@ -177,8 +179,15 @@ impl World<'_> {
         mut on_glossy: impl FnMut(GlossyLight),
     ) -> GatherEnd {
         let mut ray = Ray { o, d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
-        let mut found =
-            GatherEnd { distance: 0.0, depth: 0.0, segments: 0, first: (f32::INFINITY, -d), normal: -d, end: None };
+        let mut found = GatherEnd {
+            distance: 0.0,
+            last: 0.0,
+            depth: 0.0,
+            segments: 0,
+            first: (f32::INFINITY, -d),
+            normal: -d,
+            end: None,
+        };
         let (mut throughput, mut straight, mut seen_through) = (Rgb::ONE, true, true);
         // Where the last glossy direction was drawn, and with what density.
         let mut glossy: Option<(Vec3, f32)> = None;
@@ -197,6 +206,7 @@ impl World<'_> {
                 return found;
             };
             found.distance += hit.t;
+            found.last += hit.t;
             found.segments += 1;
             if seen_through {
                 found.depth += hit.t;
@@ -238,6 +248,7 @@ impl World<'_> {
             let Some(s) = rest.sample(wo, u_lobe, Vec2::new(ux, uy), Transport::Radiance) else { return found };
             throughput *= s.weight / (1.0 - p_end);
             if s.lobe != LobeKind::Null {
+                found.last = 0.0;
                 // The light sample at the vertex competes with its own lobe only where that has a density.
                 glossy = (rough && s.pdf_dir > 0.0).then_some((at.p, s.pdf_dir * (1.0 - p_end)));
                 if straight {

@@ -39,9 +39,6 @@ const FURTHER: usize = 4096;
 const MOST_GENERATIONS: u32 = 32;
 /// Surfels that one task works on.
 const CHUNK: usize = 64;
-/// Places of a cell at which caustics are looked up. One would do for a record, which averages hundreds of surfels, but the few that hold a small
-/// bright spot are seen by all records: their error is common to the whole picture.
-const CAUSTIC_PLACES: usize = 2;
 /// Streams of random numbers.
 const DIRECT: u64 = 0x5d1;
 const ROWS: u64 = 0x5d2;
@@ -333,9 +330,9 @@ impl SurfelLight {
                         let stream = (start + i) as u64;
                         let key = hash(settings.seed, DIRECT);
                         let places = places_of(world, &self.surfels, start + i, samples, key, stream, &mut counts);
-                        // Of caustics two places must do: asking for them costs as much as many shadow rays.
-                        let some = &places[..places.len().min(CAUSTIC_PLACES)];
-                        some.iter().map(|at| caustic(at.p, at.n_shade)).sum::<Rgb>() / some.len() as f32
+                        // Of caustics one place must do: asking for them costs as much as many shadow rays.
+                        let somewhere = &places[0];
+                        caustic(somewhere.p, somewhere.n_shade)
                             + direct(world, &places, samples, key, stream, &mut counts)
                     }
                 };

@@ -5,7 +5,9 @@
 //!
 //!   cell(d) = c d, c = [`CELL_PER_DISTANCE`], rounded to a power of two times the finest one and bounded by the coarsest
 //!
-//! so that hits in corners, which are close, get small cells, and distant ones share theirs.
+//! so that hits in corners, which are close, get small cells, and distant ones share theirs. d is the length of the ray's last part,
+//! after the last surface that has reflected or refracted it: a ball of glass gathers rays on the bright spot of its caustic, which so gets
+//! cells smaller than itself. All records see those few cells, so that their error would be common to the whole picture.
 //! A surfel represents a hit if the normals agree, the hit lies in its tangent plane, and nothing stands between the two:
 //! at each new surfel some short rays along the surface find out whether anything rises within the cell, and if so every
 //! hit of the cell has to see the surfel. So no light crosses a wall that stands on a floor, however thin it is.
@@ -25,7 +27,7 @@ use std::collections::HashMap;
 use std::f32::consts::TAU;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Edge of a cell over the length of the gather ray: about the spacing of some 250 rays over a hemisphere.
+/// Edge of a cell over the length of the last part of the gather ray: about the spacing of some 250 rays over a hemisphere.
 pub const CELL_PER_DISTANCE: f32 = 0.1;
 /// Levels of cells, each half as large as the one before.
 const LEVELS: u32 = 3;
@@ -186,7 +188,7 @@ impl Surfels {
         !world.accel.occluded(&Ray { o, d, tmin: f32::MIN_POSITIVE, tmax: 1.0 })
     }
 
-    /// The surfel that represents the hit `at`, `distance` away from where it is seen.
+    /// The surfel that represents the hit `at`, `distance` away from where it is seen or from the last mirror or lens before it.
     pub fn find(&self, world: &World, at: &Facet, distance: f32) -> Option<u32> {
         let level = self.level(distance);
         let edge = self.edge(level);

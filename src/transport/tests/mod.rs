@@ -6,6 +6,7 @@ mod kernel;
 mod lanes;
 mod maps;
 mod obstacles;
+mod surfels;
 mod tree;
 mod walk;
 
