@@ -9,16 +9,19 @@
 //! Verified by tests/irradiance_cache.rs: against brute force, relighting without a ray
 
 use super::World;
+use super::bright_patches::Patch;
 use super::cache_file::{Stored, stored};
 use super::coat::Coat;
 use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
+use super::guided_rays::GuidedRays;
 use super::riser::{Riser, SECTORS, sector};
 use super::surfel_light::SurfelLight;
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::{hash, unit_f32};
 use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3};
+use crate::scene::SurfacePoint;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, TAU};
 
@@ -100,12 +103,25 @@ pub struct GatherCache {
     glossy: Vec<(u32, GlossyLight)>,
     /// What it amounts to.
     scattered: Vec<Rgb>,
+    pub(super) guided: GuidedRays,
 }
 
 /// A hit whose surfel may not be known yet.
-struct Traced {
+pub(super) struct Traced {
     hit: GatherHit,
+    /// What is there and the reach of its cell.
     unknown: Option<(Facet, f32)>,
+}
+
+impl Traced {
+    /// The hit with its surfel, a new one if need be.
+    pub(super) fn known(self, world: &World, surfels: &mut Surfels) -> GatherHit {
+        let Traced { mut hit, unknown } = self;
+        if let Some((facet, distance)) = unknown {
+            hit.surfel = surfels.find_or_insert(world, &facet, distance);
+        }
+        hit
+    }
 }
 
 /// What a few records have gathered.
@@ -131,6 +147,7 @@ impl GatherCache {
             sky: Vec::new(),
             glossy: Vec::new(),
             scattered: Vec::new(),
+            guided: GuidedRays::default(),
         }
     }
 
@@ -176,12 +193,7 @@ impl GatherCache {
             self.counts += counts;
             self.sky.extend(sky);
             self.glossy.extend(glossy);
-            for Traced { mut hit, unknown } in hits {
-                if let Some((facet, distance)) = unknown {
-                    hit.surfel = surfels.find_or_insert(world, &facet, distance);
-                }
-                self.hits.push(hit);
-            }
+            self.hits.extend(hits.into_iter().map(|hit| hit.known(world, surfels)));
         }
         let n = self.strata.len();
         for record in records {
@@ -204,31 +216,17 @@ impl GatherCache {
                 let jitter = hash(hash(self.seed, JITTER), index);
                 let u = Vec2::new(unit_f32(jitter), unit_f32(jitter << 24));
                 let d = frame.to_world(self.strata.direction(i, u));
-                let response = coat.response(d);
                 let mut rng = Sampler::new(hash(self.seed, CHAIN), record as u64, i as u64);
-                let g = world.gather(place.spawn_origin(d), d, &mut rng, &mut counts, |v| {
-                    glossy.push((index as u32, v.scaled(response)));
-                });
-                // Where chains may not be that long, the first surface is all there is, and black.
-                let too_long = self.most_segments.is_some_and(|most| g.segments > most);
-                let (depth, normal) = if too_long { g.first } else { (g.depth, g.normal) };
-                let mut hit = GatherHit {
-                    direction: d,
-                    inverse_distance: if depth > 0.0 { 1.0 / depth } else { 0.0 },
-                    weight: Rgb::ZERO,
-                    surfel: NO_SURFEL,
-                    packed_normal: pack_normal(normal),
-                };
-                let mut unknown = None;
-                if let Some(end) = g.end.filter(|_| !too_long) {
-                    let facet = Facet::seen_from(&end.at, end.wo);
-                    hit.weight = end.weight * response;
-                    match surfels.find(world, &facet, g.last) {
-                        Some(k) => hit.surfel = k,
-                        None => unknown = Some((facet, g.last)),
-                    }
-                }
-                hits.push(Traced { hit, unknown });
+                let found = |v| glossy.push((index as u32, v));
+                hits.push(self.shoot(
+                    world,
+                    surfels,
+                    (&place, d),
+                    &mut rng,
+                    &mut counts,
+                    (coat.response(d), 1.0),
+                    found,
+                ));
             }
             if with_sky {
                 let own: Vec<GatherHit> = hits[hits.len() - n..].iter().map(|t| t.hit).collect();
@@ -238,6 +236,56 @@ impl GatherCache {
             }
         }
         Gathered { hits, glossy, sky, counts }
+    }
+
+    /// Follows one ray of a record from the place along the unit vector; what it brings counts times `response` and `share`, that of a gather
+    /// ray's solid angle which the ray stands for.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn shoot(
+        &self,
+        world: &World,
+        surfels: &Surfels,
+        (from, d): (&SurfacePoint, Vec3),
+        rng: &mut Sampler,
+        counts: &mut RayCounts,
+        (response, share): (f32, f32),
+        mut on_glossy: impl FnMut(GlossyLight),
+    ) -> Traced {
+        let g = world.gather(from.spawn_origin(d), d, rng, counts, |v| on_glossy(v.scaled(response * share)));
+        // Where chains may not be that long, the first surface is all there is, and black.
+        let too_long = self.most_segments.is_some_and(|most| g.segments > most);
+        let (depth, normal) = if too_long { g.first } else { (g.depth, g.normal) };
+        let mut hit = GatherHit {
+            direction: d,
+            inverse_distance: if depth > 0.0 { 1.0 / depth } else { 0.0 },
+            weight: Rgb::ZERO,
+            surfel: NO_SURFEL,
+            packed_normal: pack_normal(normal),
+        };
+        let mut unknown = None;
+        if let Some(end) = g.end.filter(|_| !too_long) {
+            let facet = Facet::seen_from(&end.at, end.wo);
+            hit.weight = end.weight * (response * share);
+            // Cells as large as the footprint of the ray.
+            let reach = g.last * share.sqrt();
+            match surfels.find(world, &facet, reach) {
+                Some(k) => hit.surfel = k,
+                None => unknown = Some((facet, reach)),
+            }
+        }
+        Traced { hit, unknown }
+    }
+
+    /// Seed of all random numbers.
+    pub(super) fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// Sends rays to bright patches from the records that have not sent any yet, or anew from `all`. To be called as [`Self::gather`] is.
+    pub fn guide(&mut self, world: &World, surfels: &mut Surfels, patches: &[Patch], all: bool) {
+        let mut guided = if all { GuidedRays::default() } else { std::mem::take(&mut self.guided) };
+        self.counts += guided.trace(world, surfels, self, patches);
+        self.guided = guided;
     }
 
     /// Lights the glossy vertices of records that were gathered since the last call; of `all` for a new light.
@@ -259,6 +307,7 @@ impl GatherCache {
             self.scattered.push(value);
             self.counts += counts;
         }
+        self.counts += self.guided.scatter(world, self.seed, all);
     }
 
     /// Irradiance and derivatives of records under the light of the surfels.
@@ -276,13 +325,14 @@ impl GatherCache {
                         *l = hit.weight * e * FRAC_1_PI;
                     }
                     let range = record * n..(record + 1) * n;
-                    if let Some(sky) = self.sky.get(range.clone()) {
-                        radiance.iter_mut().zip(sky).for_each(|(l, sky)| *l += *sky);
-                    }
                     let from = self.glossy.partition_point(|(i, _)| (*i as usize) < range.start);
                     let glossy = self.glossy[from..].iter().zip(&self.scattered[from.min(self.scattered.len())..]);
                     for ((i, _), l) in glossy.take_while(|((i, _), _)| (*i as usize) < range.end) {
                         radiance[*i as usize - range.start] += *l;
+                    }
+                    self.guided.add(record, range.clone(), light, &mut radiance);
+                    if let Some(sky) = self.sky.get(range.clone()) {
+                        radiance.iter_mut().zip(sky).for_each(|(l, sky)| *l += *sky);
                     }
                     self.strata.estimate(&radiance, &self.depths[range])
                 };
@@ -331,6 +381,7 @@ impl Stored for GatherCache {
         self.glossy.put(out);
         self.scattered.put(out);
         self.sky.put(out);
+        self.guided.put(out);
     }
 
     fn take(from: &mut &[u8]) -> Option<Self> {
@@ -339,7 +390,7 @@ impl Stored for GatherCache {
         let mut cache = GatherCache { counts, ..GatherCache::new(rays, u64::take(from)?) };
         (cache.places, cache.hits) = (Vec::take(from)?, Vec::take(from)?);
         (cache.glossy, cache.scattered) = (Vec::take(from)?, Vec::take(from)?);
-        cache.sky = Vec::take(from)?;
+        (cache.sky, cache.guided) = (Vec::take(from)?, GuidedRays::take(from)?);
         let n = cache.strata.len();
         let sky = cache.sky.is_empty() || cache.sky.len() == cache.hits.len();
         if cache.hits.len() != n * cache.places.len() || cache.glossy.len() != cache.scattered.len() || !sky {

@@ -109,6 +109,14 @@ impl Strata {
         Vec3::new(r * cos, r * sin, (1.0 - sin2).max(1e-7).sqrt())
     }
 
+    /// The cell that the local unit vector `d` above the horizon lies in: inverse of [`Self::direction`].
+    pub fn cell(&self, d: Vec3) -> usize {
+        let j = (self.rows as f32 * d.truncate().length_squared()) as usize;
+        let turns = d.y.atan2(d.x) / TAU;
+        let k = ((turns - turns.floor()) * self.columns as f32) as usize;
+        j.min(self.rows - 1) * self.columns + k.min(self.columns - 1)
+    }
+
     /// 1 / depth of the border between two hits of one record, 0 if both are at infinity.
     pub fn inverse_depth(a: &GatherHit, b: &GatherHit) -> f32 {
         let (ia, ib) = (a.inverse_distance, b.inverse_distance);

@@ -31,6 +31,7 @@
 //! ```
 
 use super::World;
+use super::bright_patches::{self, Patch};
 use super::cache_file::Stored;
 use super::cache_record::{BORDER, RadiusLimits, Record};
 use super::cache_settings::{CacheSettings, CacheStatistics, Place};
@@ -50,6 +51,8 @@ const ROUND: (usize, usize) = (64, 1024);
 const PILOT: (usize, u32) = (256, 8);
 /// Share of the mean irradiance to which errors are relative in darker places.
 const DARK: f32 = 0.1;
+/// Number of records at which bright patches are looked for, at first and times the number before.
+const LOOK: (usize, usize) = (64, 4);
 /// A shape is given up if of so many records on it, or more, this share has the least radius: hair, leaves.
 const HOPELESS: (usize, f32) = (256, 0.45);
 /// Records whose normals' cosine is less do not bound each other's radii.
@@ -72,6 +75,10 @@ pub struct IrradianceCache<'a> {
     left: usize,
     /// Shapes that are given up, in order.
     hopeless: Vec<u32>,
+    /// Bright patches that few gather rays find.
+    patches: Vec<Patch>,
+    /// Number of records at which they are looked for again.
+    look_at: usize,
 }
 
 impl<'a> IrradianceCache<'a> {
@@ -88,6 +95,8 @@ impl<'a> IrradianceCache<'a> {
             tree: SphereOctree::new(center, radius),
             left: 0,
             hopeless: Vec::new(),
+            patches: Vec::new(),
+            look_at: LOOK.0,
         };
         cache.limit_bounces(settings.bounces);
         cache
@@ -198,6 +207,7 @@ impl<'a> IrradianceCache<'a> {
             let rest = open.split_off(size);
             let round: Vec<Place> = open.iter().map(|&i| places[i as usize]).collect();
             self.add(&round, light);
+            self.look_for_patches(light);
             budget -= size;
             open = self.uncovered(places, rest);
             if open.is_empty() {
@@ -213,9 +223,10 @@ impl<'a> IrradianceCache<'a> {
         self.left += open.len();
     }
 
-    /// Leaves out from now on what another cache has given up.
-    pub fn give_up_as(&mut self, other: &IrradianceCache) {
+    /// Leaves out what another cache has given up and looks where that one has found bright patches.
+    pub fn start_as(&mut self, other: &IrradianceCache) {
         self.hopeless.clone_from(&other.hopeless);
+        self.patches.clone_from(&other.patches);
     }
 
     /// Gives up shapes on which records cover next to nothing.
@@ -320,6 +331,7 @@ impl<'a> IrradianceCache<'a> {
         let first = self.records.len();
         let facets: Vec<Facet> = round.iter().map(|p| p.facet).collect();
         self.gather.gather(&self.world, &mut light.surfels, &facets);
+        self.gather.guide(&self.world, &mut light.surfels, &self.patches, false);
         light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
         self.gather.scatter(&self.world, false);
         let estimates = self.gather.evaluate(first..self.gather.len(), light);
@@ -334,6 +346,29 @@ impl<'a> IrradianceCache<'a> {
             self.records.push(record);
         }
         self.bound_by_neighbours();
+    }
+
+    /// Looks for bright patches if it is time to, and sends rays to them from all records.
+    fn look_for_patches(&mut self, hit_light: &HitLight) {
+        let Some(light) = &mut self.light else { return };
+        if self.records.len() < self.look_at {
+            return;
+        }
+        self.look_at = LOOK.1 * self.records.len();
+        let mean = self.records.iter().map(|r| luminance(r.irradiance)).sum::<f32>() / self.records.len() as f32;
+        let records = self
+            .records
+            .iter()
+            .enumerate()
+            .map(|(i, r)| (self.gather.places()[i], luminance(r.irradiance).max(DARK * mean), self.gather.hits(i)));
+        let patches = bright_patches::find(&light.surfels, light.irradiance(), records);
+        if patches != self.patches {
+            self.patches = patches;
+            self.gather.guide(&self.world, &mut light.surfels, &self.patches, true);
+            light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
+            self.gather.scatter(&self.world, false);
+            self.resize();
+        }
     }
 
     fn record(&self, i: usize, e: &Estimate, floor: f32) -> Record {
@@ -391,6 +426,8 @@ impl<'a> IrradianceCache<'a> {
         self.left.put(out);
         self.hopeless.put(out);
         self.records.put(out);
+        self.patches.put(out);
+        self.look_at.put(out);
     }
 
     /// The cache whose fields [`Self::put_fields`] wrote.
@@ -399,6 +436,7 @@ impl<'a> IrradianceCache<'a> {
         (cache.gather, cache.light) = (GatherCache::take(from)?, Stored::take(from)?);
         (cache.min_radii, cache.left) = (Vec::take(from)?, usize::take(from)?);
         (cache.hopeless, cache.records) = (Vec::take(from)?, Vec::take(from)?);
+        (cache.patches, cache.look_at) = (Vec::take(from)?, usize::take(from)?);
         let n = cache.gather.len();
         if cache.min_radii.len() != n || cache.records.len() != n {
             return None;

@@ -146,6 +146,11 @@ impl Surfels {
         self.levels[k] == 0
     }
 
+    /// Edge of the cell of surfel `k`.
+    pub fn edge_of(&self, k: usize) -> f32 {
+        self.edge(u32::from(self.levels[k]))
+    }
+
     /// Number of surfels.
     pub fn len(&self) -> usize {
         self.places.len()
@@ -242,7 +247,7 @@ impl Surfels {
     /// the surface does not go on: what varies within the cell, such as light close to a lamp, is to be averaged over it.
     pub fn spread(&self, world: &World, k: usize, u: Vec2) -> Facet {
         let own = self.places[k];
-        let edge = self.edge(u32::from(self.levels[k]));
+        let edge = self.edge_of(k);
         let (frame, lift) = (Frame::from_normal(own.n_geo), MAX_PLANE_DISTANCE * edge);
         let q = own.p + (frame.s * (u.x - 0.5) + frame.t * (u.y - 0.5)) * edge;
         let down = Ray { o: q + own.n_geo * lift, d: -own.n_geo, tmin: f32::MIN_POSITIVE, tmax: 2.0 * lift };

@@ -1,0 +1,126 @@
+//! A closed box with a small bright spot on one wall, whose irradiance at any place is an integral over that wall.
+
+use super::super::bright_patches;
+use super::super::gather_strata::Estimate;
+use super::super::surfel_light::{HitLight, SurfelSettings};
+use super::super::surfels::Facet;
+use super::*;
+use crate::math::{DMat4, luminance};
+use crate::scene::description::GeometryDesc;
+use crate::transport::tests::{Room, add, diffuse, empty};
+
+const ALBEDO: f32 = 0.5;
+/// Gather rays.
+const RAYS: u32 = 256;
+/// Irradiance of the spot's middle, over that of all other surfaces.
+const HEIGHT: f32 = 4000.0;
+/// Its width: a third of a record's gather rays or fewer hit it.
+const WIDTH: f32 = 0.03;
+const MIDDLE: Vec3 = Vec3::new(1.0, 0.2, -0.3);
+
+/// `[-1, 1]^3`.
+fn closed_box() -> Room {
+    let mut scene = empty();
+    let wall = diffuse(&mut scene, ALBEDO);
+    add(&mut scene, GeometryDesc::Cube, DMat4::IDENTITY, wall);
+    scene.shapes[0].flip_normals = true;
+    Room::new(scene)
+}
+
+/// Irradiance of the walls: 1, and a Gaussian bell.
+fn walls(p: Vec3, _: Vec3) -> Rgb {
+    let on_wall = if p.x > 0.999 { 1.0 } else { 0.0 };
+    Rgb::splat(1.0 + on_wall * HEIGHT * (-0.5 * (p - MIDDLE).length_squared() / (WIDTH * WIDTH)).exp())
+}
+
+/// What [`walls`] sends to a place, by the midpoint rule over the spot.
+fn expected(place: &Facet) -> f64 {
+    let (steps, reach) = (80, 5.0 * f64::from(WIDTH));
+    let step = 2.0 * reach / f64::from(steps);
+    let mut sum = 0.0;
+    for i in 0..steps * steps {
+        let [y, z] = [i / steps, i % steps].map(|k| (f64::from(k) + 0.5) * step - reach);
+        let to = (MIDDLE - place.p).as_dvec3() + crate::math::DVec3::new(0.0, y, z);
+        let (cos, cos_wall) = (to.dot(place.n_geo.as_dvec3()).max(0.0), to.x.max(0.0));
+        let bell = f64::from(HEIGHT) * (-0.5 * (y * y + z * z) / f64::from(WIDTH * WIDTH)).exp();
+        sum += bell * cos * cos_wall / (to.length_squared().powi(2) * std::f64::consts::PI) * step * step;
+    }
+    f64::from(ALBEDO) * (1.0 + sum)
+}
+
+/// Places on the other walls.
+fn places(room: &Room) -> Vec<Facet> {
+    let world = room.world();
+    let seen = |i: u64| {
+        let d = warp::sample_sphere(Sampler::new(5, 1, i).next_2d());
+        let eye = Vec3::new(-0.2, 0.1, 0.3);
+        let g = world.gather(eye, d, &mut Sampler::new(5, 2, i), &mut RayCounts::default(), |_| {});
+        g.end.map(|end| Facet::seen_from(&end.at, end.wo))
+    };
+    (0..150).filter_map(seen).filter(|f| f.p.x < 0.9).collect()
+}
+
+/// Mean and root mean square of the relative errors, and the standard error of the mean.
+fn errors(estimates: &[Estimate], places: &[Facet]) -> [f64; 3] {
+    let n = places.len() as f64;
+    let error = |(e, place): (&Estimate, &Facet)| f64::from(luminance(e.irradiance)) / expected(place) - 1.0;
+    let all: Vec<f64> = estimates.iter().zip(places).map(error).collect();
+    let mean = all.iter().sum::<f64>() / n;
+    let square = all.iter().map(|e| e * e).sum::<f64>() / n;
+    [mean, square.sqrt(), ((square - mean * mean) / n).sqrt()]
+}
+
+#[test]
+fn guided_rays_keep_the_mean_and_lower_the_variance() {
+    let room = closed_box();
+    let world = room.world();
+    let facets = places(&room);
+    let settings = SurfelSettings { light_samples: 1, gather_rays: 1, bounces: None, seed: 1 };
+    // Cells much smaller than the spot.
+    let mut light = SurfelLight::new(0.006, settings);
+    let hit_light = HitLight::Map { total: &walls };
+    let mut cache = GatherCache::new(RAYS, 7);
+    // Half of the records tell where the spot is, all are guided to it.
+    let half = facets.len() / 2;
+    for range in [0..half, half..facets.len()] {
+        cache.gather(&world, &mut light.surfels, &facets[range]);
+        light.extend(&world, &hit_light, cache.len() * RAYS as usize);
+    }
+    let alone = cache.evaluate(0..cache.len(), &light);
+    let level = |i: usize| luminance(alone[i].irradiance);
+    let known = (0..half).map(|i| (cache.places()[i], level(i), cache.hits(i)));
+    let patches = bright_patches::find(&light.surfels, light.irradiance(), known);
+    assert!(!patches.is_empty() && patches.iter().all(|p| (p.center - MIDDLE).length() < 0.2), "{patches:?}");
+    let before = cache.counts.rays;
+    cache.guide(&world, &mut light.surfels, &patches, true);
+    light.extend(&world, &hit_light, cache.len() * RAYS as usize);
+    let guided = cache.evaluate(0..cache.len(), &light);
+    let more = (cache.counts.rays - before) as f64 / (facets.len() as f64 * f64::from(RAYS));
+    assert!(more < 0.5, "{more} rays for each gather ray");
+
+    let ([_, plain, _], [mean, rms, sigma]) = (errors(&alone, &facets), errors(&guided, &facets));
+    assert!(plain > 0.5, "the spot is no small one: {plain}");
+    assert!(rms < plain / 15.0, "{rms} with guided rays, {plain} without");
+    assert!(mean.abs() < 0.003 + 3.0 * sigma, "{mean} +- {sigma}");
+
+    // Rays of both kinds that count in full bring the spot twice.
+    cache.guided.shares.fill(1.0);
+    let [twice, _, sigma] = errors(&cache.evaluate(0..cache.len(), &light), &facets);
+    assert!(twice > 0.1 + 3.0 * sigma, "counted twice: {twice} +- {sigma}");
+}
+
+#[test]
+fn rays_of_a_cone_have_its_density_and_cells_know_their_directions() {
+    // The mean over guided rays alone of cos / pdf is the projected solid angle pi sin^2 of a cone around the normal.
+    let cone = Cone { axis: Vec3::Z, one_minus_cos: 0.1, rays: 4096 };
+    let draw = |i: u32| direction(&cone, i, 0.3, unit_f32(hash(3, u64::from(i))));
+    let sum: f32 = (0..cone.rays).map(|i| draw(i).z).sum();
+    let got = sum / cone.rays as f32 / warp::pdf_cone(cone.one_minus_cos);
+    let expected = std::f32::consts::PI * (1.0 - 0.9 * 0.9);
+    assert!((got / expected - 1.0).abs() < 1e-3, "{got}, not {expected}");
+    let strata = crate::transport::gather_strata::Strata::new(RAYS);
+    for i in 0..strata.len() {
+        let u = Vec2::new(0.01 + 0.98 * unit_f32(hash(4, i as u64)), 0.01 + 0.98 * unit_f32(hash(5, i as u64)));
+        assert_eq!(strata.cell(strata.direction(i, u)), i);
+    }
+}
