@@ -104,6 +104,7 @@ fn main() {
         max_radius: value("max", d.max_radius),
         surfel_cell: value("cell", d.surfel_cell),
         bounces: d.bounces,
+        guided: true,
         seed: value("seed", 0.0) as u64,
     };
     let none = |_: Vec3, _: Vec3| Rgb::ZERO;

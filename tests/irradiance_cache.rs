@@ -367,3 +367,40 @@ fn light_finds_its_way_through_several_rooms() {
     assert!(error < 0.05, "the test has no power: {error}");
     assert!((mean / expected - 1.0).abs() < 0.05 + 3.0 * error, "{} (deviation {error})", mean / expected);
 }
+
+#[test]
+fn a_lamp_close_to_a_wall_leaves_no_blotches() {
+    // Half of its light goes on from a spot that one gather ray in a few hundred meets.
+    let mut desc = closed_box(0.5, None);
+    point_light(&mut desc, DVec3::new(0.94, 0.2, -0.3), 1.0);
+    let ready = Ready::new(desc);
+    let places = ready.places(Vec3::new(-0.1, 0.2, 0.1), 600, |at| at.p.x < 0.5);
+    let asked: Vec<&Place> = places.iter().step_by(places.len() / 24).collect();
+    let expected: Vec<f32> = (0..).zip(&asked).map(|(k, p)| brute_force(&ready.world(), &p.facet, 6000, k).0).collect();
+    // Mean of the relative errors, and the root mean square of what differs between two caches.
+    let measured = |guided: bool| {
+        let caches: Vec<_> = [1, 2]
+            .map(|seed| {
+                let settings =
+                    CacheSettings { guided, seed, surfel_cell: 0.02, error: 0.1, ..CacheSettings::default() };
+                fill(ready.world(), settings, &places, &HitLight::Operator { caustic: &nothing })
+            })
+            .into();
+        assert!(caches.iter().all(|c| (c.statistics().patches > 0) == guided));
+        let seen = |c: &dualux::transport::IrradianceCache| -> Vec<f32> {
+            asked.iter().zip(&expected).map(|(p, e)| look(c, p).x / e).collect()
+        };
+        let [a, b] = [seen(&caches[0]), seen(&caches[1])];
+        let n = a.len() as f32;
+        let square = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum::<f32>() / n;
+        let mean = a.iter().chain(&b).sum::<f32>() / (2.0 * n);
+        // What guided rays have found survives a file.
+        let bytes = caches[0].to_bytes();
+        let read = dualux::transport::IrradianceCache::from_bytes(ready.world(), &bytes).expect("a cache").cache;
+        assert_eq!(read.to_bytes(), bytes);
+        (mean, square.sqrt())
+    };
+    let ((mean, guided), (_, alone)) = (measured(true), measured(false));
+    assert!((mean - 1.0).abs() < 0.04, "{mean} of what paths find");
+    assert!(guided < 0.3 * alone && guided < 0.08, "{guided} with guided rays, {alone} without");
+}

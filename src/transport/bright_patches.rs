@@ -6,7 +6,8 @@
 //!
 //! ```text
 //!   r = rho E_hit / E                  what a hit brings over the mean one, bright if r > BRIGHT; E: irradiance of the record, but of
-//!                                      what bright hits bring the mean over all records: it is chance who has found them
+//!                                      what bright hits bring the mean over all records: it is chance who has found them. Light that comes to the place directly
+//!                                      outshines noise, so E is no less than that of the surfel there
 //!   V = mean over records of sum over bright hits (r / n)^2            relative variance of a record by a patch (Poisson's)
 //!   n_c = k (V_c / TARGET^2 - 1)       rays that bring it to TARGET, k gather rays in the cone of the patch
 //! ```
@@ -15,7 +16,8 @@
 //! Patches     bright surfels, halved along the longest axis of their box until patches are as small as their cells or there are
 //!             [`MOST_PATCHES`]; each has the sphere around it
 //! Source      Jensen 1995, "Importance Driven Path Tracing using the Photon Map" (what was found before tells where to look)
-//! Bias        none: a list chosen by earlier rays decides where further rays go, not what they count
+//! Bias        none from where rays go. Patches so small that the rays of all records together find them by chance only are found too seldom,
+//!             and so are their fireflies; later rounds and caches have more rays
 //! Not handled patches seen in mirrors only; whether something hides a patch from a record (its rays are then in vain)
 //! Verified by `guided_rays::tests`
 
@@ -30,8 +32,9 @@ use std::collections::BTreeMap;
 const BRIGHT: f32 = 12.0;
 /// Aim for the relative standard deviation of a record by a patch.
 const TARGET: f32 = 0.02;
-/// Mean relative standard deviation by all patches below which they are left alone.
-const LEAST: f32 = 0.03;
+/// Mean relative standard deviation by all patches below which they are left alone: the strata of gather rays do better than chance for all
+/// but the smallest.
+const LEAST: f32 = 0.15;
 /// Share of the variance that the surfels of patches account for, the brightest first.
 const MAIN: f32 = 0.998;
 /// Most patches.

@@ -26,6 +26,8 @@ pub struct CacheSettings {
     pub light_samples: u32,
     /// Most times that light goes on from surface to surface before a gather ray meets it; `None`: no limit. 0: hits are lit by lamps alone.
     pub bounces: Option<u32>,
+    /// Whether records send further rays to small bright patches.
+    pub guided: bool,
     /// Seed of all random numbers.
     pub seed: u64,
 }
@@ -41,6 +43,7 @@ impl Default for CacheSettings {
             surfel_rays: 16,
             light_samples: 4,
             bounces: None,
+            guided: true,
             seed: 0,
         }
     }
@@ -55,6 +58,7 @@ stored!(CacheSettings {
     surfel_rays,
     light_samples,
     bounces,
+    guided,
     seed
 });
 
@@ -87,6 +91,8 @@ pub struct CacheStatistics {
     pub surfel_rays: RayCounts,
     /// Records with the least radius.
     pub smallest: usize,
+    /// Small bright patches that records send rays to.
+    pub patches: usize,
     /// Places left without a record because the number of new ones was spent.
     pub left: usize,
     /// Shapes that are too finely structured: they get no more records.

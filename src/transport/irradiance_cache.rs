@@ -135,6 +135,7 @@ impl<'a> IrradianceCache<'a> {
             record_rays: self.gather.counts,
             surfel_rays: self.light.as_ref().map_or(RayCounts::default(), |l| l.counts),
             smallest: self.smallest(),
+            patches: self.patches.len(),
             left: self.left,
             hopeless: self.hopeless.len(),
         }
@@ -350,20 +351,27 @@ impl<'a> IrradianceCache<'a> {
 
     /// Looks for bright patches if it is time to, and sends rays to them from all records.
     fn look_for_patches(&mut self, hit_light: &HitLight) {
-        let Some(light) = &mut self.light else { return };
-        if self.records.len() < self.look_at {
+        let Some(light) = self.light.as_ref().filter(|_| self.settings.guided && self.records.len() >= self.look_at)
+        else {
             return;
-        }
+        };
         self.look_at = LOOK.1 * self.records.len();
         let mean = self.records.iter().map(|r| luminance(r.irradiance)).sum::<f32>() / self.records.len() as f32;
-        let records = self
+        let levels: Vec<f32> = self
             .records
             .iter()
-            .enumerate()
-            .map(|(i, r)| (self.gather.places()[i], luminance(r.irradiance).max(DARK * mean), self.gather.hits(i)));
+            .zip(self.gather.places())
+            .map(|(record, place)| {
+                let outshone = self.at_hit(place, f32::INFINITY).map_or(0.0, luminance);
+                luminance(record.irradiance).max(DARK * mean).max(outshone)
+            })
+            .collect();
+        let records =
+            levels.iter().enumerate().map(|(i, level)| (self.gather.places()[i], *level, self.gather.hits(i)));
         let patches = bright_patches::find(&light.surfels, light.irradiance(), records);
         if patches != self.patches {
             self.patches = patches;
+            let Some(light) = &mut self.light else { return };
             self.gather.guide(&self.world, &mut light.surfels, &self.patches, true);
             light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
             self.gather.scatter(&self.world, false);

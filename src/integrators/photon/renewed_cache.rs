@@ -200,6 +200,7 @@ impl<'a> RenewedCache<'a> {
             ("cache rays of records", records.rays),
             ("cache rays of surfels", surfels.rays),
             ("cache shadow rays", records.shadow_rays + surfels.shadow_rays),
+            ("cache bright patches", s.patches as u64),
             ("cache places left", s.left as u64),
             ("cache shapes given up", s.hopeless as u64),
         ];
