@@ -35,7 +35,7 @@ fn kernel(text: &str) -> Result<Kernel, Box<dyn Error>> {
     let (name, number) = text.split_once(':').unwrap_or((text, ""));
     let radius = || if number.is_empty() { Ok(None) } else { number.parse().map(Some) };
     Ok(match name {
-        "footprint" => Kernel::Footprint,
+        "footprint" => Kernel::FOOTPRINT,
         "nearest" => Kernel::Nearest { k: number.parse()? },
         "fixed" => Kernel::Fixed { radius: radius()? },
         "progressive" => Kernel::Progressive { radius: radius()? },

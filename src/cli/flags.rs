@@ -26,8 +26,8 @@ pub struct PhotonArgs {
     /// Samples of a light where there are several [default: 16, fewer if most points need them].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub light_samples: Option<u32>,
-    /// How radiance is estimated from photons: by each photon's own footprint (ad), the K nearest photons (knn[:K], 50), one radius
-    /// (fixed[:R], in units of the scene) or one that shrinks from pass to pass (progressive[:R]) [default: ad].
+    /// How radiance is estimated from photons: by each photon's own footprint (ad[:FACTOR], a factor on its width), the K nearest
+    /// photons (knn[:K], 50), one radius (fixed[:R], in units of the scene) or one that shrinks from pass to pass (progressive[:R]) [default: ad].
     #[arg(long, value_parser = options::kernel)]
     pub kernel: Option<Kernel>,
     /// Samples per pixel in a pass: more on edges, 16 everywhere, or one [default: adaptive].

@@ -58,16 +58,21 @@ pub fn positive(text: &str) -> Result<u64, String> {
 /// Photons of `knn` where no number is given.
 const NEAREST: u32 = 50;
 
-/// A kernel of photons: `ad`, `knn`, `knn:200`, `fixed`, `fixed:0.1`, `progressive`, `progressive:0.1`.
+/// A kernel of photons: `ad`, `ad:1.4`, `knn`, `knn:200`, `fixed`, `fixed:0.1`, `progressive`, `progressive:0.1`.
 pub fn kernel(text: &str) -> Result<Kernel, String> {
     let (name, number) = text.split_once(':').map_or((text, None), |(name, number)| (name, Some(number)));
+    let scale = || match number.map(str::parse::<f32>) {
+        None => Ok(1.0),
+        Some(Ok(s)) if s > 0.0 && s.is_finite() => Ok(s),
+        Some(_) => Err(format!("\"{}\" is no factor above 0", number.unwrap_or_default())),
+    };
     let radius = || match number.map(str::parse::<f32>) {
         None => Ok(None),
         Some(Ok(r)) if r > 0.0 && r.is_finite() => Ok(Some(r)),
         Some(_) => Err(format!("\"{}\" is no radius above 0", number.unwrap_or_default())),
     };
     match name {
-        "ad" if number.is_none() => Ok(Kernel::Footprint),
+        "ad" => Ok(Kernel::Footprint { scale: scale()? }),
         "knn" => match number.map(count) {
             None => Ok(Kernel::Nearest { k: NEAREST }),
             Some(Ok(k @ 2..=1_000_000)) => Ok(Kernel::Nearest { k: k as u32 }),
@@ -75,7 +80,7 @@ pub fn kernel(text: &str) -> Result<Kernel, String> {
         },
         "fixed" => Ok(Kernel::Fixed { radius: radius()? }),
         "progressive" => Ok(Kernel::Progressive { radius: radius()? }),
-        _ => Err("expected ad, knn[:K], fixed[:R] or progressive[:R]".into()),
+        _ => Err("expected ad[:FACTOR], knn[:K], fixed[:R] or progressive[:R]".into()),
     }
 }
 
@@ -144,14 +149,26 @@ mod tests {
 
     #[test]
     fn kernels_have_a_name_and_perhaps_a_number() {
-        assert_eq!(kernel("ad"), Ok(Kernel::Footprint));
+        assert_eq!(kernel("ad"), Ok(Kernel::FOOTPRINT));
+        assert_eq!(kernel("ad:1.5"), Ok(Kernel::Footprint { scale: 1.5 }));
         assert_eq!(kernel("knn"), Ok(Kernel::Nearest { k: 50 }));
         assert_eq!(kernel("knn:2K"), Ok(Kernel::Nearest { k: 2000 }));
         assert_eq!(kernel("fixed"), Ok(Kernel::Fixed { radius: None }));
         assert_eq!(kernel("progressive:0.5"), Ok(Kernel::Progressive { radius: Some(0.5) }));
-        for wrong in
-            ["", "AD", "ad:3", "knn:1", "knn:x", "knn:", "fixed:0", "fixed:-1", "fixed:inf", "fixed:NaN", "cone"]
-        {
+        for wrong in [
+            "",
+            "AD",
+            "ad:0",
+            "ad:x",
+            "knn:1",
+            "knn:x",
+            "knn:",
+            "fixed:0",
+            "fixed:-1",
+            "fixed:inf",
+            "fixed:NaN",
+            "cone",
+        ] {
             assert!(kernel(wrong).is_err(), "{wrong}");
         }
     }

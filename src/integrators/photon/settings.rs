@@ -82,7 +82,7 @@ impl Default for PhotonSettings {
             antialiasing: Antialiasing::default(),
             photons: None,
             caustic_photons: None,
-            kernel: Kernel::Footprint,
+            kernel: Kernel::FOOTPRINT,
             adaptive_light_samples: true,
             adaptive_sampling: true,
             parts: Parts::default(),

@@ -5,7 +5,7 @@ use crate::math::polygon::irradiance;
 use crate::math::stats;
 use crate::transport::photon_map::{CausticMap, Filter, GlobalMap};
 
-const KERNELS: [Kernel; 3] = [Kernel::Footprint, Kernel::Nearest { k: 60 }, Kernel::Fixed { radius: Some(0.06) }];
+const KERNELS: [Kernel; 3] = [Kernel::FOOTPRINT, Kernel::Nearest { k: 60 }, Kernel::Fixed { radius: Some(0.06) }];
 
 fn light(n: usize, seed: u64) -> Aimed {
     let half = [Vec3::X * 1.2, Vec3::Z * 1.2];
@@ -123,7 +123,7 @@ fn a_wall_under_a_lamp_has_the_irradiance_of_a_polygon() {
         irradiance(&v.map(corner), DVec3::Y).abs()
     };
     let points = disk_points(1500, 0.8, 0.0);
-    for kernel in [Kernel::Footprint, Kernel::Nearest { k: 100 }, Kernel::Fixed { radius: Some(0.1) }] {
+    for kernel in [Kernel::FOOTPRINT, Kernel::Nearest { k: 100 }, Kernel::Fixed { radius: Some(0.1) }] {
         let means: Vec<f64> = (0..6)
             .map(|seed| {
                 let lamp = Lamp { centre: Vec3::Y, half: 0.5, n: 14, seed };
