@@ -1,6 +1,7 @@
 //! Flags of the integrators, as `render` and each configuration of `compare` take them.
 
 use super::options;
+use crate::emission::Cut;
 use crate::integrators::photon::{Antialiasing, Emission, Indirect};
 use crate::transport::direct::LightSampling;
 use crate::transport::light_cull::{CullingSettings, MOST_KEPT, Reservoir};
@@ -17,6 +18,12 @@ pub struct PhotonArgs {
     /// How photons leave the lights [default: adaptive].
     #[arg(long, value_enum)]
     pub emission: Option<Emission>,
+    /// Where adaptive emission cuts its cells: in the middle, or where an edge is predicted [default: middle].
+    #[arg(long, value_enum)]
+    pub emission_cut: Option<Cut>,
+    /// Refine cells whose rays land off where derivatives predict by more than this part of what the cell spans [default: 1].
+    #[arg(long, value_name = "PART", value_parser = options::factor)]
+    pub emission_linearity: Option<f64>,
     /// Where the indirect light of diffuse surfaces comes from [default: cache].
     #[arg(long, value_enum)]
     pub indirect: Option<Indirect>,

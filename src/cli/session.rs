@@ -148,6 +148,8 @@ fn photon_settings(args: &RenderArgs, scene: &Scene) -> PhotonSettings {
     PhotonSettings {
         path: path_settings(args, &scene.integrator),
         emission: flags.emission.unwrap_or(default.emission),
+        emission_cut: flags.emission_cut.unwrap_or(default.emission_cut),
+        emission_linearity: flags.emission_linearity.unwrap_or(default.emission_linearity),
         kernel: flags.kernel.unwrap_or(default.kernel),
         direct: DirectSettings {
             sampling: flags.light_sampling.unwrap_or(default.direct.sampling),

@@ -105,11 +105,22 @@ impl EdgeDetector<'_> {
         exclude: Option<Facet>,
         front: Option<(u32, f64)>,
     ) -> Verdict {
-        let exclude = exclude.unwrap_or(Facet::NONE);
-        self.predict_in(ray, Question { t, exclude, round: false, grow: 1.0, all: true, swaps: true }, || front)
+        self.predict_nearest(ray, t, exclude, front).0
     }
 
-    /// The same; `front` is asked for only where there are edges.
+    /// The same, and the margin of the nearest edge that shows.
+    pub fn predict_nearest<const N: usize>(
+        &self,
+        ray: &Ray<D1<N>>,
+        t: [f64; 2],
+        exclude: Option<Facet>,
+        front: Option<(u32, f64)>,
+    ) -> (Verdict, Option<Linear<N>>) {
+        let exclude = exclude.unwrap_or(Facet::NONE);
+        self.predict_edges(ray, Question { t, exclude, round: false, grow: 1.0, all: true, swaps: true }, || front)
+    }
+
+    /// [`Self::predict`] with any question; `front` is asked for only where there are edges.
     #[inline(always)]
     pub(super) fn predict_in<J: Jet<N, Primitive = f64>, const N: usize>(
         &self,
@@ -117,6 +128,16 @@ impl EdgeDetector<'_> {
         question: Question,
         front: impl FnOnce() -> Option<(u32, f64)>,
     ) -> Verdict {
+        self.predict_edges(ray, question, front).0
+    }
+
+    #[inline(always)]
+    fn predict_edges<J: Jet<N, Primitive = f64>, const N: usize>(
+        &self,
+        ray: &Ray<J>,
+        question: Question,
+        front: impl FnOnce() -> Option<(u32, f64)>,
+    ) -> (Verdict, Option<Linear<N>>) {
         let Question { t, exclude, round, grow, all, swaps } = question;
         let mut p = Predictor::<J, N>::new(self.scene, ray, t, exclude, round, grow);
         let beam = beam::around(&p.o, &p.d, p.lens.as_ref(), t, self.reach);
@@ -124,7 +145,7 @@ impl EdgeDetector<'_> {
         self.accel.walk(&beam, &mut p);
         p.swaps();
         if p.edges.is_empty() && p.trouble == Kinds::NONE {
-            return Verdict::Clear;
+            return (Verdict::Clear, None);
         }
         self.confirm(&mut p, t, front(), all)
     }
@@ -136,8 +157,8 @@ impl EdgeDetector<'_> {
         t: [f64; 2],
         front: Option<(u32, f64)>,
         all: bool,
-    ) -> Verdict {
-        let mut found = NOTHING;
+    ) -> (Verdict, Option<Linear<N>>) {
+        let (mut found, mut nearest) = (NOTHING, None);
         // A surface without an edge of its own in the footprint hides what is behind.
         let cover = match front {
             Some((shape, t)) if !p.edges.iter().any(|e| e.shape == shape) => p.cover.min(t * BEHIND),
@@ -157,17 +178,21 @@ impl EdgeDetector<'_> {
             }
             if p.shows(self, e, t, own) {
                 found.kinds |= e.kind;
-                found.distance = found.distance.min(e.margin.distance());
+                let distance = e.margin.distance();
+                if distance < found.distance {
+                    (found.distance, nearest) = (distance, Some(e.margin));
+                }
                 if !all {
                     break;
                 }
             }
         }
         let found = Events { kinds: found.kinds | p.trouble, ..found };
-        match (p.trouble == Kinds::NONE, found.kinds == Kinds::NONE) {
+        let verdict = match (p.trouble == Kinds::NONE, found.kinds == Kinds::NONE) {
             (false, _) => Verdict::Unknown(found),
             (true, true) => Verdict::Clear,
             (true, false) => Verdict::Events(found),
-        }
+        };
+        (verdict, nearest)
     }
 }

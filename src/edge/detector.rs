@@ -107,6 +107,11 @@ impl<'a> EdgeDetector<'a> {
         detection
     }
 
+    /// Distance from the origin of space to the farthest point of the scene, a measure of what rounding does.
+    pub fn reach(&self) -> f64 {
+        f64::from(self.reach)
+    }
+
     /// Whether rays may pass a surface.
     #[inline(always)]
     pub(super) fn lets_pass(&self, shape: &Shape) -> bool {

@@ -121,6 +121,14 @@ impl Verdict {
         }
     }
 
+    /// What was found.
+    pub fn events(&self) -> Option<&Events> {
+        match self {
+            Verdict::Clear => None,
+            Verdict::Events(e) | Verdict::Unknown(e) => Some(e),
+        }
+    }
+
     /// True unless the footprint is known to be without event.
     pub fn needs_samples(&self) -> bool {
         *self != Verdict::Clear

@@ -9,7 +9,7 @@
 //! * `gather`, `polygon`, `curved`, `outline`, [`chord`]: what reaches a footprint, and which of an edge is left when surfaces are taken away
 //! * [`detector`], `detect`, `swaps`, `ends`: `any` and `all` queries; [`kinds`]: what they answer
 //! * [`mod@highlight`]: where a light leaves a glossy lobe
-//! * [`predicted`], `bundle`, `feet`, `beam`, `lens`, `mesh_edge`, `clear_lens`, `confirmed`, [`chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
+//! * [`predicted`], `bundle`, `feet`, `beam`, `lens`, `mesh_edge`, `clear_lens`, `confirmed`, [`chain`], [`main_chain`]: origins that move: lenses, mirrors, glass; [`surface`]: where a ray with derivatives meets a surface
 //! * [`oracle`], [`score`]: brute force, and the detector held against it
 //! * [`mod@map`], [`unrolled`]: maps of pixels, of a light, of emission
 //!
@@ -35,6 +35,7 @@ pub mod kinds;
 mod lens;
 pub mod light;
 mod linear;
+pub mod main_chain;
 pub mod map;
 mod mesh_edge;
 pub mod oracle;
@@ -55,4 +56,5 @@ mod tests;
 pub use detector::{EdgeDetector, Settings};
 pub use gather::Facet;
 pub use kinds::{Events, Kinds, LightVerdict, Verdict};
+pub use linear::Linear;
 pub use view::View;

@@ -69,15 +69,6 @@ impl Cell {
         };
         (0..4).all(within)
     }
-
-    /// The two halves across axis `k`.
-    pub fn halves(&self, k: usize) -> [Cell; 2] {
-        let (mut a, mut b) = (*self, *self);
-        let middle = 0.5 * (self.lo[k] + self.hi[k]);
-        a.hi[k] = middle;
-        b.lo[k] = middle;
-        [a, b]
-    }
 }
 
 impl<'a> Cutter<'a> {

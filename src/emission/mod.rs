@@ -8,18 +8,21 @@
 //!   families of lights; `warp`: the maps they are made of
 //! * `allocate`: photons per light, strata of positions
 //! * [`Uniform`]: natural density
-//! * [`EdgeAdaptive`]: strata by the edges that a light sees; `chart`, `cell`: what they are cut from; `interest`: which of them can
-//!   make a caustic; [`DensityMap`]: a picture of it
+//! * [`EdgeAdaptive`]: strata by the edges that a light sees; `chart`, `cell`: what they are cut from; `partition`, `cut`, `linearisation`: which
+//!   are cut, and where; `interest`: which of them can make a caustic; [`DensityMap`]: a picture of it
 
 mod allocate;
 mod area;
 mod cell;
 mod chart;
+mod cut;
 mod delta;
 mod density_map;
 mod edge_adaptive;
 mod environment;
 mod interest;
+mod linearisation;
+mod partition;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -27,8 +30,10 @@ mod uniform;
 mod warp;
 
 pub use cell::Cell;
+pub use cut::Cut;
 pub use density_map::DensityMap;
-pub use edge_adaptive::{EdgeAdaptive, Settings, Stratum, Summary};
+pub use edge_adaptive::{EdgeAdaptive, LINEARITY, Settings, Summary};
+pub use partition::Stratum;
 pub use source::{Drawn, Source, Start};
 pub use uniform::{Sequence, Uniform};
 pub use warp::Mapped;

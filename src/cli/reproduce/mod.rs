@@ -45,7 +45,7 @@ pub struct ReproduceArgs {
     /// Reference image of the scene, or two independent halves of one [default: one is rendered with `path`].
     #[arg(long, value_name = "FILE", num_args = 1..=2)]
     reference: Vec<PathBuf>,
-    /// CPU time; namae-makino: runs for the caustic alone get a twentieth, each half of their references 2.5 times, and each half of
+    /// CPU time; namae-makino: runs for the caustic alone get a tenth, each half of their references 2.5 times, and each half of
     /// a rendered reference four times it. nabata: half that of each half of a reference.
     #[arg(long, default_value = "20s", value_parser = options::duration)]
     budget: Duration,

@@ -5,6 +5,7 @@ mod cells;
 mod flux;
 mod interest;
 mod maps;
+mod partition;
 
 use super::*;
 use crate::math::{DMat4, DVec3, Vec2, Vec3};

@@ -35,7 +35,12 @@ impl<'a> Caustics<'a> {
             Emission::Uniform => Box::new(Uniform::new(scene, n, Sequence::Random, settings.seed)),
             Emission::Adaptive => {
                 let wanted = |shape: u32| sharp(scene.shapes[shape as usize].material);
-                let adaptive = emission::Settings { interest: Some(&wanted), ..Default::default() };
+                let adaptive = emission::Settings {
+                    interest: Some(&wanted),
+                    cut: settings.emission_cut,
+                    linearity: settings.emission_linearity,
+                    ..Default::default()
+                };
                 Box::new(EdgeAdaptive::new(scene, world.accel, n, &adaptive, settings.seed))
             }
         };

@@ -1,5 +1,6 @@
 //! What the photon integrator is told.
 
+use crate::emission::{Cut, LINEARITY};
 use crate::integrators::path::PathSettings;
 use crate::transport::direct::DirectSettings;
 use crate::transport::photon_map::{Kernel, PhotonSettings as MapSettings};
@@ -48,6 +49,10 @@ pub struct PhotonSettings {
     pub path: PathSettings,
     /// Emission.
     pub emission: Emission,
+    /// Where adaptive emission cuts its cells.
+    pub emission_cut: Cut,
+    /// Error of linearisation above which it refines them; infinite: it does not ask.
+    pub emission_linearity: f64,
     /// Direct light.
     pub direct: DirectSettings,
     /// Indirect light.
@@ -77,6 +82,8 @@ impl Default for PhotonSettings {
         PhotonSettings {
             path: PathSettings::default(),
             emission: Emission::default(),
+            emission_cut: Cut::default(),
+            emission_linearity: LINEARITY,
             direct: DirectSettings::default(),
             indirect: Indirect::default(),
             antialiasing: Antialiasing::default(),
