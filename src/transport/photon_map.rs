@@ -376,8 +376,17 @@ impl GlobalMap {
     /// From photons that are there already.
     pub fn from_photons(world: World, traced: Traced, settings: &PhotonSettings, pass: u64) -> Self {
         let class = |class: PhotonClass| {
-            let of_class: Vec<Photon> = traced.photons.iter().copied().filter(|p| p.class == class).collect();
-            (!of_class.is_empty()).then(|| Estimator::new(world, &of_class, settings, pass))
+            let is_in = |p: &&Photon| p.class == class;
+            let count = traced.photons.iter().filter(is_in).count();
+            // Most maps hold one class only: nothing to be copied.
+            let copied: Vec<Photon>;
+            let of_class = if count == traced.photons.len() {
+                &traced.photons
+            } else {
+                copied = traced.photons.iter().filter(is_in).copied().collect();
+                &copied
+            };
+            (count > 0).then(|| Estimator::new(world, of_class, settings, pass))
         };
         GlobalMap { classes: PhotonClass::ALL.map(class), ledger: traced.ledger }
     }
