@@ -32,7 +32,7 @@ pub struct Stratum {
     pub flux: f64,
     /// Whether an event was found in it.
     pub event: bool,
-    /// Whether, without one, its rays do not land where derivatives say ([`linearisation`]).
+    /// Whether, without one, its rays do not land where derivatives say (`linearisation.rs`).
     pub bent: bool,
     /// Photons of a pass.
     pub photons: usize,
