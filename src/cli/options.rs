@@ -63,8 +63,8 @@ pub fn kernel(text: &str) -> Result<Kernel, String> {
     let (name, number) = text.split_once(':').map_or((text, None), |(name, number)| (name, Some(number)));
     let scale = || match number.map(str::parse::<f32>) {
         None => Ok(1.0),
-        Some(Ok(s)) if s > 0.0 && s.is_finite() => Ok(s),
-        Some(_) => Err(format!("\"{}\" is no factor above 0", number.unwrap_or_default())),
+        Some(Ok(s @ 1e-3..=64.0)) => Ok(s),
+        Some(_) => Err(format!("\"{}\" is no factor between 0.001 and 64", number.unwrap_or_default())),
     };
     let radius = || match number.map(str::parse::<f32>) {
         None => Ok(None),
@@ -160,6 +160,9 @@ mod tests {
             "AD",
             "ad:0",
             "ad:x",
+            "ad:inf",
+            "ad:NaN",
+            "ad:1e-40",
             "knn:1",
             "knn:x",
             "knn:",

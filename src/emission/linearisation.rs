@@ -5,11 +5,10 @@
 //! ```
 //!
 //! P: where a ray of the cell ends behind mirrors and glass ([`crate::edge::main_chain`]). The remainder is s^T H s / 2 in the main, the same for s and -s;
-//! the probed corners are rows of a Hadamard matrix, two for two parameters, four for four: none of H's diagonal is missed. A cell
+//! the probed corners are rows of a Hadamard matrix, two for two parameters, four for four. They see the trace of H and what is beside its diagonal. A cell
 //! fails if e is above a threshold, or if a corner's ray takes another way: folds, and what the detector does not see, edges
 //! behind glass and mirrors. Probes are no photons, and no photon decides.
-//! Source: METHODS 3.B (`curv`). Bias: none, whatever is split. Not handled: pairs of parameters in which the remainders of all
-//! probed corners cancel. Verified by tests in this file.
+//! Source: METHODS 3.B (`curv`). Bias: none, whatever is split. Not handled: saddles along the axes, whose remainders cancel at all corners. Verified by tests in this file.
 
 use super::cell::{Cell, Cutter};
 use crate::edge::EdgeDetector;

@@ -134,7 +134,7 @@ impl Fold<'_> {
     fn goes_on(&self, a: Vec2, b: Vec2) -> bool {
         // From the edge's nearest point half of the way to the kernel's border.
         let u = (b - a).normalize_or_zero();
-        let foot = a + u * (-a.dot(u)).clamp(0.0, (b - a).length());
+        let foot = a + u * (-a.dot(u)).max(0.0).min((b - a).length());
         let out = Vec2::new(u.y, -u.x);
         let out = if out.dot(foot) < 0.0 { -out } else { out };
         let x = foot + out * (0.5 * (1.0 - foot.length())).max(1e-3);

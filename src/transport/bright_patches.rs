@@ -16,8 +16,8 @@
 //! Patches     bright surfels, halved along the longest axis of their box until patches are as small as their cells or there are
 //!             [`MOST_PATCHES`]; each has the sphere around it
 //! Source      Jensen 1995, "Importance Driven Path Tracing using the Photon Map" (what was found before tells where to look)
-//! Bias        none from where rays go. Patches so small that the rays of all records together find them by chance only are found too seldom,
-//!             and so are their fireflies; later rounds and caches have more rays
+//! Bias        none as long as the records that tell send no rays to what they have told of: a patch that they found by chance would come out darker by
+//!             the chance that they had not. Patches that they missed are left to gather rays; later rounds and caches have more of these
 //! Not handled patches seen in mirrors only; whether something hides a patch from a record (its rays are then in vain)
 //! Verified by `guided_rays::tests`
 
@@ -223,7 +223,9 @@ fn around(group: &[Bright]) -> Patch {
 pub fn cones(patches: &[Patch], place: &Facet, n: u32) -> Cones {
     let wanted = |patch: &Patch| {
         let (cone, k, g) = patch.cone(place, n)?;
-        let variance = patch.variance * k * g * g / patch.typical;
+        // None of the records that have found it could send rays to it.
+        let typical = Some(patch.typical).filter(|t| *t > 0.0)?;
+        let variance = patch.variance * k * g * g / typical;
         let rays = (k * (variance / (TARGET * TARGET) - 1.0)).min(MOST_RAYS.0 * n as f32);
         (rays >= 1.0).then_some((cone, rays))
     };

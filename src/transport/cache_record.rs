@@ -150,8 +150,8 @@ impl Record {
         if change > most {
             self.translation.iter_mut().for_each(|t| *t *= most / change);
         }
-        let [ss, _, tt] = self.curvature;
-        let bend = (ss.abs() * self.radii.x * self.radii.x + tt.abs() * self.radii.y * self.radii.y) / 8.0;
+        let ([ss, st, tt], Vec2 { x, y }) = (self.curvature.map(f32::abs), self.radii);
+        let bend = (ss * x * x + 2.0 * st * x * y + tt * y * y) / 8.0;
         if bend > MOST_BEND * most {
             self.curvature.iter_mut().for_each(|c| *c *= MOST_BEND * most / bend);
         }
@@ -324,6 +324,12 @@ mod tests {
         let furthest = frame.s * record.extent();
         // All of MOST_BEND in one direction, whose mean over the disc is an eighth: at the border 4 BORDER^2 of it.
         let most = 4.0 * MOST_BEND * BORDER * BORDER;
+        assert!(record.predict(furthest, Vec3::Z).x <= 1.0 + most + 1e-5, "{}", record.predict(furthest, Vec3::Z).x);
+        // Axes that were chosen while there was no light: all of the second derivative is beside the diagonal.
+        let dark = Estimate { irradiance: Rgb::ZERO, hessian: [0.0; 3], ..flat };
+        let mut record = Record::new(Vec3::ZERO, &frame, &dark, &limits, |_| [Riser::NONE; SECTORS]);
+        record.update(&frame, &Estimate { hessian: [0.0, 1.0, 0.0], ..flat });
+        let furthest = (record.frame.s + record.frame.t).normalize() * record.extent();
         assert!(record.predict(furthest, Vec3::Z).x <= 1.0 + most + 1e-5, "{}", record.predict(furthest, Vec3::Z).x);
     }
 }

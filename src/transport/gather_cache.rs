@@ -288,6 +288,13 @@ impl GatherCache {
         self.guided = guided;
     }
 
+    /// Leaves the records there are without rays to bright patches, if they have none.
+    pub fn leave_unguided(&mut self) {
+        let mut guided = std::mem::take(&mut self.guided);
+        guided.skip(self);
+        self.guided = guided;
+    }
+
     /// Lights the glossy vertices of records that were gathered since the last call; of `all` for a new light.
     pub fn scatter(&mut self, world: &World, all: bool) {
         let start = if all { 0 } else { self.scattered.len() };
@@ -393,7 +400,9 @@ impl Stored for GatherCache {
         (cache.sky, cache.guided) = (Vec::take(from)?, GuidedRays::take(from)?);
         let n = cache.strata.len();
         let sky = cache.sky.is_empty() || cache.sky.len() == cache.hits.len();
-        if cache.hits.len() != n * cache.places.len() || cache.glossy.len() != cache.scattered.len() || !sky {
+        let guided = cache.guided.is_sound(cache.places.len(), n);
+        if cache.hits.len() != n * cache.places.len() || cache.glossy.len() != cache.scattered.len() || !sky || !guided
+        {
             return None;
         }
         let depths: Vec<[f32; 2]> = cache.hits.chunks(n).flat_map(|hits| cache.strata.depths(hits)).collect();

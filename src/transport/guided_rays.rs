@@ -9,8 +9,9 @@
 //!             of the cell they lie in, and the derivatives of `gather_strata.rs` apply
 //! Rays        evenly spread over the cone: ring i of n_c with a number at random each, turned by the golden ratio
 //! Source      Veach & Guibas 1995, "Optimally Combining Sampling Techniques" (several samples of each)
-//! Bias        none. Derivatives take the depth of a cell's gather ray for all of the cell
-//! Verified by `tests`: the mean is that of gather rays alone, the variance falls
+//! Bias        none where patches were found by other rays than those that are weighed here, as `irradiance_cache/growth.rs` sees to. Derivatives
+//!             take the depth of a cell's gather ray for all of the cell
+//! Verified by `tests`: the mean is that of gather rays alone, the variance falls; rays that chose their patch themselves darken it
 
 use super::World;
 use super::bright_patches::{Cone, Cones, Patch, cones};
@@ -110,6 +111,27 @@ impl GuidedRays {
             }
         }
         counts
+    }
+
+    /// Counts the records of `cache` that have sent no rays yet as done.
+    pub fn skip(&mut self, cache: &GatherCache) {
+        if self.begins.is_empty() {
+            self.begins.push(0);
+        }
+        let (end, records) = (self.hits.len() as u32, cache.len());
+        self.begins.resize(records + 1, end);
+        self.shares.resize(records * cache.strata.len(), 1.0);
+    }
+
+    /// Whether the fields fit to each other and to `records` of `n` gather rays.
+    pub fn is_sound(&self, records: usize, n: usize) -> bool {
+        let begins = self.begins.is_sorted() && self.begins.first().is_none_or(|b| *b == 0);
+        let hits = self.begins.last().map_or(0, |end| *end as usize) == self.hits.len();
+        let done = self.records();
+        let lit = |all: &[Rgb]| all.len() == self.glossy.len();
+        let cells =
+            self.hits.iter().map(|h| h.0).chain(self.glossy.iter().map(|g| g.0)).all(|i| (i as usize) < done * n);
+        begins && hits && cells && done <= records && self.shares.len() == done * n && lit(&self.scattered)
     }
 
     /// Lights the glossy vertices that are new since the last call, or `all`; as [`GatherCache::scatter`].

@@ -30,14 +30,15 @@
 //! cache.refine(0.5 * error);                        // a later pass: smaller radii; fill again, then finish
 //! ```
 
+mod growth;
+
 use super::World;
 use super::bright_patches::{self, Patch};
 use super::cache_file::Stored;
-use super::cache_record::{BORDER, RadiusLimits, Record};
+use super::cache_record::{BORDER, Record};
 use super::cache_settings::{CacheSettings, CacheStatistics, Place};
 use super::gather_cache::GatherCache;
 use super::gather_ray::RayCounts;
-use super::gather_strata::Estimate;
 use super::sphere_octree::SphereOctree;
 use super::surfel_light::{HitLight, SurfelLight, SurfelSettings};
 use super::surfels::Facet;
@@ -53,10 +54,6 @@ const PILOT: (usize, u32) = (256, 8);
 const DARK: f32 = 0.1;
 /// Number of records at which bright patches are looked for, at first and times the number before.
 const LOOK: (usize, usize) = (64, 4);
-/// A shape is given up if of so many records on it, or more, this share has the least radius: hair, leaves.
-const HOPELESS: (usize, f32) = (256, 0.45);
-/// Records whose normals' cosine is less do not bound each other's radii.
-const SAME_SURFACE: f32 = 0.7;
 /// Stream of random numbers.
 const PILOT_STREAM: u64 = 0x1ca;
 
@@ -161,7 +158,8 @@ impl<'a> IrradianceCache<'a> {
         (weights > 0.0).then(|| sum / weights)
     }
 
-    /// Whole irradiance (direct, caustic and indirect) at the end of a ray of length `distance`, as gather rays of that length read it;
+    /// Whole irradiance (direct, caustic and indirect) at the end of a ray whose last part, after mirrors and glass, is of length `distance`,
+    /// as gather rays read it;
     /// `None` where no surfel stands for the place. For rays that come from all of a hemisphere or a wide lobe.
     pub fn at_hit(&self, at: &Facet, distance: f32) -> Option<Rgb> {
         let light = self.light.as_ref()?;
@@ -224,25 +222,12 @@ impl<'a> IrradianceCache<'a> {
         self.left += open.len();
     }
 
-    /// Leaves out what another cache has given up and looks where that one has found bright patches.
+    /// Leaves out what another cache has given up and sends rays to the bright patches which that one has found.
     pub fn start_as(&mut self, other: &IrradianceCache) {
         self.hopeless.clone_from(&other.hopeless);
         self.patches.clone_from(&other.patches);
-    }
-
-    /// Gives up shapes on which records cover next to nothing.
-    fn give_up(&mut self) {
-        // Records and those of least radius, by shape.
-        let mut counts = std::collections::BTreeMap::<u32, [usize; 2]>::new();
-        for (place, (record, least)) in self.gather.places().iter().zip(self.records.iter().zip(&self.min_radii)) {
-            let count = counts.entry(place.shape).or_default();
-            count[0] += 1;
-            count[1] += usize::from(is_smallest(record, *least));
-        }
-        let fine = counts.iter().filter(|(_, [n, least])| *n >= HOPELESS.0 && *least as f32 > HOPELESS.1 * *n as f32);
-        self.hopeless.extend(fine.map(|(shape, _)| *shape));
-        self.hopeless.sort_unstable();
-        self.hopeless.dedup();
+        // Fewer records know less of patches.
+        self.look_at = other.records.len().max(LOOK.0);
     }
 
     /// Solves for all bounces between the surfels found so far and evaluates all records with them. Radii stay.
@@ -326,96 +311,6 @@ impl<'a> IrradianceCache<'a> {
         candidates.into_par_iter().with_min_len(256).filter(|&i| open(&places[i as usize].facet)).collect()
     }
 
-    /// Adds a record at each place.
-    fn add(&mut self, round: &[Place], hit_light: &HitLight) {
-        let Some(light) = &mut self.light else { return };
-        let first = self.records.len();
-        let facets: Vec<Facet> = round.iter().map(|p| p.facet).collect();
-        self.gather.gather(&self.world, &mut light.surfels, &facets);
-        self.gather.guide(&self.world, &mut light.surfels, &self.patches, false);
-        light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
-        self.gather.scatter(&self.world, false);
-        let estimates = self.gather.evaluate(first..self.gather.len(), light);
-        let bright = |sum: f32, e: Rgb| sum + luminance(e);
-        let sum =
-            self.records.iter().map(|r| r.irradiance).chain(estimates.iter().map(|e| e.irradiance)).fold(0.0, bright);
-        let mean = sum / self.gather.len() as f32;
-        for (i, (place, e)) in round.iter().zip(&estimates).enumerate() {
-            self.min_radii.push(self.settings.min_radius_pixels * place.pixel);
-            let record = self.record(first + i, e, DARK * mean);
-            self.tree.insert((first + i) as u32, record.p, record.extent());
-            self.records.push(record);
-        }
-        self.bound_by_neighbours();
-    }
-
-    /// Looks for bright patches if it is time to, and sends rays to them from all records.
-    fn look_for_patches(&mut self, hit_light: &HitLight) {
-        let Some(light) = self.light.as_ref().filter(|_| self.settings.guided && self.records.len() >= self.look_at)
-        else {
-            return;
-        };
-        self.look_at = LOOK.1 * self.records.len();
-        let mean = self.records.iter().map(|r| luminance(r.irradiance)).sum::<f32>() / self.records.len() as f32;
-        let levels: Vec<f32> = self
-            .records
-            .iter()
-            .zip(self.gather.places())
-            .map(|(record, place)| {
-                let outshone = self.at_hit(place, f32::INFINITY).map_or(0.0, luminance);
-                luminance(record.irradiance).max(DARK * mean).max(outshone)
-            })
-            .collect();
-        let records =
-            levels.iter().enumerate().map(|(i, level)| (self.gather.places()[i], *level, self.gather.hits(i)));
-        let patches = bright_patches::find(&light.surfels, light.irradiance(), records);
-        if patches != self.patches {
-            self.patches = patches;
-            let Some(light) = &mut self.light else { return };
-            self.gather.guide(&self.world, &mut light.surfels, &self.patches, true);
-            light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
-            self.gather.scatter(&self.world, false);
-            self.resize();
-        }
-    }
-
-    fn record(&self, i: usize, e: &Estimate, floor: f32) -> Record {
-        let max = self.settings.max_radius * 2.0 * self.world.scene.bounds.1;
-        let min = self.min_radii[i].max(1e-5 * max).min(max);
-        let limits = RadiusLimits { error: self.settings.error, floor, min, max };
-        let place = &self.gather.places()[i];
-        Record::new(place.p, &self.gather.frame(i), e, &limits, |frame| self.gather.risers(i, frame))
-    }
-
-    /// R_i <= R_j + |x_i - x_j| for records of one surface (Krivanek et al. 2006, section 4): what one has seen nearby, such
-    /// as a corner, the others learn. Never below the least radius.
-    fn bound_by_neighbours(&mut self) {
-        let limits: Vec<Vec<(u32, f32)>> = (0..self.records.len())
-            .into_par_iter()
-            .with_min_len(64)
-            .map(|j| {
-                let near = &self.records[j];
-                let mut wide = Vec::new();
-                self.tree.containing(near.p, |i| {
-                    let far = &self.records[i as usize];
-                    let bound = near.mean_radius() + (near.p - far.p).length();
-                    if far.mean_radius() > bound && far.frame.n.dot(near.frame.n) > SAME_SURFACE {
-                        wide.push((i, bound));
-                    }
-                    true
-                });
-                wide
-            })
-            .collect();
-        for (i, bound) in limits.into_iter().flatten() {
-            let record = &mut self.records[i as usize];
-            let shrink = bound / record.mean_radius();
-            if shrink < 1.0 {
-                record.radii = (record.radii * shrink).max(crate::math::Vec2::splat(self.min_radii[i as usize]));
-            }
-        }
-    }
-
     /// Builds the tree over the records as they are.
     fn index(&mut self) {
         self.tree.clear();
@@ -446,7 +341,8 @@ impl<'a> IrradianceCache<'a> {
         (cache.hopeless, cache.records) = (Vec::take(from)?, Vec::take(from)?);
         (cache.patches, cache.look_at) = (Vec::take(from)?, usize::take(from)?);
         let n = cache.gather.len();
-        if cache.min_radii.len() != n || cache.records.len() != n {
+        if cache.min_radii.len() != n || cache.records.len() != n || cache.patches.len() > bright_patches::MOST_PATCHES
+        {
             return None;
         }
         cache.index();

@@ -46,8 +46,10 @@ const CROWD_NORMAL_COS: f32 = 0.3;
 /// Surfels beyond which cells are doubled, for the first time and each time over the number before, ...
 const MANY: usize = 50_000;
 const MORE: f32 = 1.5;
-/// ... if there are more than this share of the gather rays: hardly any two rays share one then.
+/// ... if there are more than this share of the gather rays of records: hardly any two rays share one then, ...
 const LONELY: f32 = 0.4;
+/// ... or more than this whatever the rays: memory and rows have their price.
+const TOO_MANY: usize = 20 * MANY;
 /// Coarse cells, in which some place is always found, over the largest ordinary ones.
 const COARSE: f32 = 4.0;
 const NONE: u32 = u32::MAX;
@@ -262,7 +264,7 @@ impl Surfels {
     /// hair. What found its surfel before keeps it, but places look for theirs anew: where surfels are shared as they should be, doubled
     /// cells would add to their number, and to the noise and the bias of small bright spots.
     pub fn coarsen(&mut self, rays: usize) {
-        if self.places.len() < self.limit.max((LONELY * rays as f32) as usize) {
+        if self.places.len() < self.limit.max(((LONELY * rays as f32) as usize).min(TOO_MANY)) {
             return;
         }
         self.limit = (self.limit as f32 * MORE) as usize;

@@ -90,7 +90,7 @@ impl<'a> World<'a> {
     /// The segment from a surface point along the unit vector `wi` to a light at `distance`, for [`Self::transmittance`].
     ///
     /// It starts a little off the surface and aims at the same point of the light from there: seen from close by, that point lies in another
-    /// direction and at another distance.
+    /// direction and at another distance. What is closer to that point than rounding of coordinates tells is not seen.
     pub fn shadow_ray(&self, at: &SurfacePoint, wi: Vec3, distance: f32) -> Ray {
         let ray = Ray::leaving(at, wi);
         if distance == f32::INFINITY {
@@ -142,12 +142,12 @@ mod tests {
     use crate::scene::description::*;
     use crate::transport::tests::{Room, add, diffuse, empty, square};
 
-    /// A lamp of 1 cm at a slant beside a wall, far from the origin; `shade` stands halfway between them.
-    fn lamp_beside_a_wall(clearance: f64, shade: bool) -> Room {
+    /// A small lamp at a slant beside a wall, a few units of `scale` from the origin; `shade` stands halfway between them.
+    fn lamp_beside_a_wall(scale: f64, clearance: f64, shade: bool) -> Room {
         let mut desc = empty();
         let grey = diffuse(&mut desc, 0.5);
-        let place = DVec3::new(7.82, 3.13, 5.86);
-        add(&mut desc, GeometryDesc::Rectangle, square(place, -DVec3::X, 1.0), grey);
+        let place = scale * DVec3::new(7.82, 3.13, 5.86);
+        add(&mut desc, GeometryDesc::Rectangle, square(place, -DVec3::X, scale), grey);
         let lamp = place - clearance * DVec3::X;
         add(
             &mut desc,
@@ -165,15 +165,17 @@ mod tests {
 
     #[test]
     fn a_lamp_does_not_shadow_itself_however_close_it_is() {
-        for clearance in [1e-3, 1e-2, 0.1] {
+        for (scale, part) in [(1.0, 1e-3), (1.0, 1e-2), (1.0, 0.1), (1e-3, 1e-2), (1e4, 1e-2)] {
+            let clearance = scale * part;
             for shade in [false, true] {
-                let room = lamp_beside_a_wall(clearance, shade);
+                let room = lamp_beside_a_wall(scale, clearance, shade);
                 let (world, scene) = (room.world(), &room.scene);
                 let (mut lit, mut all) = (0, 0);
                 for k in 0..500 {
                     let mut rng = Sampler::new(3, 0, k);
                     let spread = (rng.next_2d() * 2.0 - 1.0) * clearance as f32;
-                    let o = Vec3::new(7.82 - 0.2 * clearance as f32, 3.13 + spread.x, 5.86 + spread.y);
+                    let place = Vec3::new(7.82, 3.13, 5.86) * scale as f32;
+                    let o = place + Vec3::new(-0.2 * clearance as f32, spread.x, spread.y);
                     let ray = Ray { o, d: Vec3::X, tmin: 0.0, tmax: f32::INFINITY };
                     let at = world.surface(&ray, &room.accel.closest(&ray).expect("the wall"));
                     let lights = 0..scene.lights.emitter_count() as u32;
@@ -186,7 +188,7 @@ mod tests {
                     }
                 }
                 assert_eq!(all, 500);
-                assert_eq!(lit, if shade { 0 } else { all }, "clearance {clearance}");
+                assert_eq!(lit, if shade { 0 } else { all }, "scale {scale}, clearance {clearance}");
             }
         }
     }

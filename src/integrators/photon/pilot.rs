@@ -14,12 +14,14 @@
 //! Verdicts on visibility cost as much as [`VERDICT`] shadow rays and save up to n.
 //! Source      the allocation of samples among strata (Neyman 1934), here with a cost of each; the estimate from pairs is ours
 //! Bias        none: other random numbers than the picture's
+//! Not handled paths that part behind the first surface (glossy lobes): their noise counts as that of lights
 //! Verified by `tests`
 
 use super::eye::Eye;
 use crate::integrators::Counts;
 use crate::math::{Sampler, Vec2, luminance};
 use crate::scene::camera::CameraRay;
+use rayon::prelude::*;
 
 /// Pixels that are looked at.
 const PIXELS: u64 = 256;
@@ -80,9 +82,7 @@ impl Pilot {
     /// Looks at pixels of `window` (x, y, width, height). `samples`: of a light where there are several.
     pub fn new(eye: &Eye, window: [u32; 4], samples: u32, seed: u64) -> Self {
         let [x, y, width, height] = window.map(|v| v as f32);
-        let mut counts = Counts::default();
-        let mut looks = Vec::new();
-        for k in 0..PIXELS {
+        let look = |k: u64| {
             let mut rngs = [0, 1, 2].map(|stream| Sampler::new(seed, STREAM + stream, k));
             let pixel = (Vec2::new(x, y) + rngs[2].next_2d() * Vec2::new(width, height)).floor();
             let ray = |rng: &mut Sampler| {
@@ -90,18 +90,21 @@ impl Pilot {
                 eye.world.scene.camera.ray(pixel + at, lens)
             };
             let (first, second) = (ray(&mut rngs[0]), ray(&mut rngs[1]));
-            let mut own = Counts::default();
+            let mut counts = Counts::default();
             let mut sample = |ray: &CameraRay, rng: &mut Sampler| {
-                let (radiance, features) = eye.sample(ray, rng, &mut own);
+                let (radiance, features) = eye.sample(ray, rng, &mut counts);
                 (f64::from(luminance(radiance)), f64::from(luminance(features.makeup.direct)))
             };
             let (a, direct) = sample(&first, &mut rngs[0]);
             let (_, other) = sample(&first, &mut rngs[2]);
             let (b, _) = sample(&second, &mut rngs[1]);
-            let (light_samples, rays) = (own.direct.light_samples as f64, own.rays as f64);
-            looks.push(Look { all: [a, b], direct: [direct, other], light_samples, rays });
-            counts += own;
-        }
+            let (light_samples, rays) = (counts.direct.light_samples as f64, counts.rays as f64);
+            (Look { all: [a, b], direct: [direct, other], light_samples, rays }, counts)
+        };
+        let found: Vec<(Look, Counts)> = (0..PIXELS).into_par_iter().map(look).collect();
+        let mut counts = Counts::default();
+        found.iter().for_each(|(_, own)| counts += *own);
+        let looks: Vec<Look> = found.into_iter().map(|(look, _)| look).collect();
         let n = 3.0 * PIXELS as f64;
         let d = counts.direct;
         Pilot {
@@ -140,12 +143,14 @@ impl Pilot {
 
 /// What three samples of each pixel tell, with `samples` of a light.
 fn pixels(looks: &[Look], samples: u32) -> Vec<Pixel> {
+    // Samples that are no numbers are the film's concern.
+    let looks: Vec<&Look> = looks.iter().filter(|l| l.all.iter().chain(&l.direct).all(|v| v.is_finite())).collect();
     let mean = looks.iter().map(|l| l.all[0] + l.all[1]).sum::<f64>() / (2.0 * looks.len().max(1) as f64);
     let relative = |[a, b]: [f64; 2], of: f64| {
         let square = of * of + (DARK * mean) * (DARK * mean);
         if square > 0.0 { (0.5 * (a - b) * (a - b) / square).min(OUTLIER) } else { 0.0 }
     };
-    let one = |look: &Look| {
+    let one = |look: &&Look| {
         let of = 0.5 * (look.all[0] + look.all[1]);
         let by_lights = relative(look.direct, of);
         Pixel {
@@ -212,8 +217,11 @@ mod tests {
         // Differences that come out negative count as none.
         assert!((1.0..1.12).contains(&(mean(|p| p.by_others) / (0.09 / 12.0))), "{}", mean(|p| p.by_others));
         assert_eq!((found[0].light, found[0].others), (1.0, 4.0));
+        looks.push(Look { all: [f64::NAN, 1.0], ..Look::default() });
         looks.push(Look { all: [1e6, 1.0], direct: [1.0, 0.0], ..Look::default() });
-        assert!(pixels(&looks, 16).iter().all(|p| p.by_others <= OUTLIER));
+        let found = pixels(&looks, 16);
+        assert!(found.len() == 4001 && found.iter().all(|p| p.by_others <= OUTLIER));
+        assert!(found[0].by_light > 0.0);
         assert!(pixels(&[], 16).is_empty());
     }
 }

@@ -104,7 +104,7 @@ impl<'a> RenewedCache<'a> {
         }
         let known = self.cache.statistics();
         let cost = (known.record_rays + known.surfel_rays).total();
-        // Nothing was found to make records of: nothing will be.
+        // There are no places for records, and passes see the same places.
         let idle = cost == 0;
         if pass > 0 && (idle || self.samples_since * RAYS_PER_SAMPLE < cost as f64) {
             return;

@@ -12,10 +12,10 @@ use crate::transport::tests::{Room, add, diffuse, empty};
 const ALBEDO: f32 = 0.5;
 /// Gather rays.
 const RAYS: u32 = 256;
-/// Irradiance of the spot's middle, over that of all other surfaces.
-const HEIGHT: f32 = 4000.0;
-/// Its width: a third of a record's gather rays or fewer hit it.
-const WIDTH: f32 = 0.03;
+/// Irradiance of the spot's middle, over that of all other surfaces, and its width: a record has a third of a gather ray on it, or less.
+const SPOT: [f32; 2] = [4000.0, 0.03];
+/// One that some records in a hundred meet.
+const SMALLEST: [f32; 2] = [36_000.0, 0.01];
 const MIDDLE: Vec3 = Vec3::new(1.0, 0.2, -0.3);
 
 /// `[-1, 1]^3`.
@@ -28,21 +28,24 @@ fn closed_box() -> Room {
 }
 
 /// Irradiance of the walls: 1, and a Gaussian bell.
-fn walls(p: Vec3, _: Vec3) -> Rgb {
-    let on_wall = if p.x > 0.999 { 1.0 } else { 0.0 };
-    Rgb::splat(1.0 + on_wall * HEIGHT * (-0.5 * (p - MIDDLE).length_squared() / (WIDTH * WIDTH)).exp())
+fn walls([height, width]: [f32; 2]) -> impl Fn(Vec3, Vec3) -> Rgb + Sync {
+    move |p, _| {
+        let on_wall = if p.x > 0.999 { 1.0 } else { 0.0 };
+        Rgb::splat(1.0 + on_wall * height * (-0.5 * (p - MIDDLE).length_squared() / (width * width)).exp())
+    }
 }
 
 /// What [`walls`] sends to a place, by the midpoint rule over the spot.
-fn expected(place: &Facet) -> f64 {
-    let (steps, reach) = (80, 5.0 * f64::from(WIDTH));
+fn expected(place: &Facet, spot: [f32; 2]) -> f64 {
+    let [height, width] = spot.map(f64::from);
+    let (steps, reach) = (80, 5.0 * width);
     let step = 2.0 * reach / f64::from(steps);
     let mut sum = 0.0;
     for i in 0..steps * steps {
         let [y, z] = [i / steps, i % steps].map(|k| (f64::from(k) + 0.5) * step - reach);
         let to = (MIDDLE - place.p).as_dvec3() + crate::math::DVec3::new(0.0, y, z);
         let (cos, cos_wall) = (to.dot(place.n_geo.as_dvec3()).max(0.0), to.x.max(0.0));
-        let bell = f64::from(HEIGHT) * (-0.5 * (y * y + z * z) / f64::from(WIDTH * WIDTH)).exp();
+        let bell = height * (-0.5 * (y * y + z * z) / (width * width)).exp();
         sum += bell * cos * cos_wall / (to.length_squared().powi(2) * std::f64::consts::PI) * step * step;
     }
     f64::from(ALBEDO) * (1.0 + sum)
@@ -61,9 +64,9 @@ fn places(room: &Room) -> Vec<Facet> {
 }
 
 /// Mean and root mean square of the relative errors, and the standard error of the mean.
-fn errors(estimates: &[Estimate], places: &[Facet]) -> [f64; 3] {
+fn errors(estimates: &[Estimate], places: &[Facet], spot: [f32; 2]) -> [f64; 3] {
     let n = places.len() as f64;
-    let error = |(e, place): (&Estimate, &Facet)| f64::from(luminance(e.irradiance)) / expected(place) - 1.0;
+    let error = |(e, place): (&Estimate, &Facet)| f64::from(luminance(e.irradiance)) / expected(place, spot) - 1.0;
     let all: Vec<f64> = estimates.iter().zip(places).map(error).collect();
     let mean = all.iter().sum::<f64>() / n;
     let square = all.iter().map(|e| e * e).sum::<f64>() / n;
@@ -78,7 +81,8 @@ fn guided_rays_keep_the_mean_and_lower_the_variance() {
     let settings = SurfelSettings { light_samples: 1, gather_rays: 1, bounces: None, seed: 1 };
     // Cells much smaller than the spot.
     let mut light = SurfelLight::new(0.006, settings);
-    let hit_light = HitLight::Map { total: &walls };
+    let total = walls(SPOT);
+    let hit_light = HitLight::Map { total: &total };
     let mut cache = GatherCache::new(RAYS, 7);
     // Half of the records tell where the spot is, all are guided to it.
     let half = facets.len() / 2;
@@ -98,15 +102,48 @@ fn guided_rays_keep_the_mean_and_lower_the_variance() {
     let more = (cache.counts.rays - before) as f64 / (facets.len() as f64 * f64::from(RAYS));
     assert!(more < 0.5, "{more} rays for each gather ray");
 
-    let ([_, plain, _], [mean, rms, sigma]) = (errors(&alone, &facets), errors(&guided, &facets));
+    let ([_, plain, _], [mean, rms, sigma]) = (errors(&alone, &facets, SPOT), errors(&guided, &facets, SPOT));
     assert!(plain > 0.5, "the spot is no small one: {plain}");
     assert!(rms < plain / 15.0, "{rms} with guided rays, {plain} without");
     assert!(mean.abs() < 0.003 + 3.0 * sigma, "{mean} +- {sigma}");
 
     // Rays of both kinds that count in full bring the spot twice.
     cache.guided.shares.fill(1.0);
-    let [twice, _, sigma] = errors(&cache.evaluate(0..cache.len(), &light), &facets);
+    let [twice, _, sigma] = errors(&cache.evaluate(0..cache.len(), &light), &facets, SPOT);
     assert!(twice > 0.1 + 3.0 * sigma, "counted twice: {twice} +- {sigma}");
+}
+
+/// Records that sent rays to a patch which only they have found would bring less of it: the rest of the time they would not have known.
+#[test]
+fn records_must_not_be_guided_by_what_they_found_themselves() {
+    let room = closed_box();
+    let world = room.world();
+    let facets: Vec<Facet> = places(&room).into_iter().take(64).collect();
+    let total = walls(SMALLEST);
+    let hit_light = HitLight::Map { total: &total };
+    // Mean relative errors of records whose patches were found by the rays of seed `told`.
+    let guided = |seed: u64, told: u64| {
+        let settings = SurfelSettings { light_samples: 1, gather_rays: 1, bounces: None, seed: 1 };
+        let mut light = SurfelLight::new(0.002, settings);
+        let gathered = |light: &mut SurfelLight, seed| {
+            let mut cache = GatherCache::new(RAYS, seed);
+            cache.gather(&world, &mut light.surfels, &facets);
+            light.extend(&world, &hit_light, cache.len() * RAYS as usize);
+            cache
+        };
+        let telling = gathered(&mut light, told);
+        let alone = telling.evaluate(0..telling.len(), &light);
+        let known = (0..telling.len()).map(|i| (telling.places()[i], luminance(alone[i].irradiance), telling.hits(i)));
+        let patches = bright_patches::find(&light.surfels, light.irradiance(), known);
+        let mut cache = gathered(&mut light, seed);
+        cache.guide(&world, &mut light.surfels, &patches, true);
+        light.extend(&world, &hit_light, cache.len() * RAYS as usize);
+        errors(&cache.evaluate(0..cache.len(), &light), &facets, SMALLEST)[0]
+    };
+    let mean = |other: u64| (0..40).map(|seed| guided(seed, seed + other)).sum::<f64>() / 40.0;
+    let (own, others) = (mean(0), mean(1000));
+    assert!(others.abs() < 0.07, "{others} by the patches of others");
+    assert!(own < -0.08, "{own} by their own");
 }
 
 #[test]

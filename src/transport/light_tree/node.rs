@@ -100,7 +100,7 @@ impl Node {
     }
 
     #[inline(always)]
-    fn lanes(&self, at: &LitPoint) -> (Lanes, Lanes) {
+    pub(super) fn lanes(&self, at: &LitPoint) -> (Lanes, Lanes) {
         let (n, one_sided) = at.n.map_or((Vec3::ZERO, false), |n| (n, true));
         let (mut out, mut distance2) = ([0.0; WIDTH], [0.0; WIDTH]);
         for (k, (out, distance2)) in out.iter_mut().zip(&mut distance2).enumerate() {

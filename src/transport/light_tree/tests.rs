@@ -231,3 +231,15 @@ fn no_light_and_lights_without_strength_are_never_drawn() {
     let tree = LightTree::new(&scene(0, false));
     assert!(tree.units().is_empty() && tree.sample(&LitPoint { p: Vec3::ZERO, n: None }, 0.5).is_none());
 }
+
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn importance_is_the_same_with_any_instructions() {
+    let tree = LightTree::new(&scene(300, false));
+    for at in points(200) {
+        for node in &tree.nodes {
+            let bits = |(a, b): (node::Lanes, node::Lanes)| (a.map(f32::to_bits), b.map(f32::to_bits));
+            assert_eq!(bits(node.importance_and_distance2(&at)), bits(node.lanes(&at)));
+        }
+    }
+}
