@@ -10,8 +10,10 @@
 
 use super::World;
 use super::bright_patches::Patch;
-use super::cache_file::{Stored, stored};
+use super::cache_file::Stored;
 use super::coat::Coat;
+use super::gather_hit::pack_normal;
+pub use super::gather_hit::{GatherHit, NO_SURFEL};
 use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
@@ -25,8 +27,6 @@ use crate::scene::SurfacePoint;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, TAU};
 
-/// No surfel: the ray was absorbed or left the scene.
-pub const NO_SURFEL: u32 = u32::MAX;
 /// Sine of the least slope, against the record's plane, of what rises from it.
 const STEEP: f32 = 0.5;
 /// Records that one task gathers for.
@@ -37,50 +37,6 @@ const JITTER: u64 = 0x6a2;
 const CHAIN: u64 = 0x6a3;
 const GLOSSY: u64 = 0x6a4;
 const SKY: u64 = 0x6a5;
-
-/// What a gather ray of a record has hit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GatherHit {
-    /// Direction from the record, world, unit.
-    pub direction: Vec3,
-    /// 1 / length of the chain of rays up to the first rough glossy surface, if it meets one; 0 at infinity.
-    pub inverse_distance: f32,
-    /// Factor on the irradiance of the surfel: throughput times albedo.
-    pub weight: Rgb,
-    /// The surfel or [`NO_SURFEL`].
-    pub surfel: u32,
-    /// Geometric normal, packed.
-    pub packed_normal: u32,
-}
-
-stored!(GatherHit { direction, inverse_distance, weight, surfel, packed_normal });
-
-impl GatherHit {
-    /// Geometric normal at the end, towards the ray.
-    pub fn normal(&self) -> Vec3 {
-        unpack_normal(self.packed_normal)
-    }
-}
-
-/// Steps of a packed component: an even number, so that 0 is exact.
-const STEPS: f32 = 65534.0;
-
-/// Octahedral map of a unit vector to twice 16 bits (error below 1e-4).
-pub fn pack_normal(n: Vec3) -> u32 {
-    let q = n.truncate() / (n.x.abs() + n.y.abs() + n.z.abs());
-    let fold = Vec2::new((1.0 - q.y.abs()).copysign(q.x), (1.0 - q.x.abs()).copysign(q.y));
-    let q = if n.z < 0.0 { fold } else { q };
-    let [x, y] = [q.x, q.y].map(|c| ((c * 0.5 + 0.5) * STEPS).round() as u32);
-    x | y << 16
-}
-
-/// Inverse of [`pack_normal`].
-pub fn unpack_normal(packed: u32) -> Vec3 {
-    let [x, y] = [packed & 0xffff, packed >> 16].map(|c| c as f32 * (2.0 / STEPS) - 1.0);
-    let z = 1.0 - x.abs() - y.abs();
-    let t = (-z).max(0.0);
-    Vec3::new(x - t.copysign(x), y - t.copysign(y), z).normalize()
-}
 
 /// The hits of all records.
 #[derive(Clone, Debug)]

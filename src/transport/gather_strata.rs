@@ -199,7 +199,7 @@ mod tests {
     use crate::math::polygon;
     use crate::math::sampler::hash;
     use crate::math::sampler::unit_f32;
-    use crate::transport::gather_cache::{NO_SURFEL, pack_normal};
+    use crate::transport::gather_hit::{NO_SURFEL, pack_normal};
 
     /// Rectangle parallel to the floor at height `h`.
     struct Plate {
