@@ -404,3 +404,21 @@ fn a_lamp_close_to_a_wall_leaves_no_blotches() {
     assert!((mean - 1.0).abs() < 0.04, "{mean} of what paths find");
     assert!(guided < 0.3 * alone && guided < 0.08, "{guided} with guided rays, {alone} without");
 }
+
+#[test]
+fn a_finer_cache_gives_up_no_shape_that_the_one_before_served() {
+    let ready = Ready::new(lit_box());
+    let places = ready.places(Vec3::new(0.1, 0.2, -0.3), 600, |_| true);
+    let light = HitLight::Operator { caustic: &nothing };
+    let usual = fill(ready.world(), CacheSettings::default(), &places, &light);
+    assert_eq!(usual.statistics().hopeless, 0);
+    // So small an error that all records have the least radius, as on leaves and hair.
+    let settings = CacheSettings { error: 1e-12, ..CacheSettings::default() };
+    assert!(fill(ready.world(), settings, &places, &light).statistics().hopeless > 0, "it would be given up");
+    let mut finer = IrradianceCache::new(ready.world(), settings);
+    finer.start_as(&usual);
+    finer.fill(&places, &light, usize::MAX);
+    finer.finish();
+    assert_eq!(finer.statistics().hopeless, 0);
+    assert!(places.iter().all(|p| look(&finer, p).x > 0.0));
+}

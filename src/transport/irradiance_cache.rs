@@ -72,6 +72,8 @@ pub struct IrradianceCache<'a> {
     left: usize,
     /// Shapes that are given up, in order.
     hopeless: Vec<u32>,
+    /// Whether more of them may be.
+    judges: bool,
     /// Bright patches that few gather rays find.
     patches: Vec<Patch>,
     /// Number of records at which they are looked for again.
@@ -92,6 +94,7 @@ impl<'a> IrradianceCache<'a> {
             tree: SphereOctree::new(center, radius),
             left: 0,
             hopeless: Vec::new(),
+            judges: true,
             patches: Vec::new(),
             look_at: LOOK.0,
         };
@@ -222,9 +225,11 @@ impl<'a> IrradianceCache<'a> {
         self.left += open.len();
     }
 
-    /// Leaves out what another cache has given up and sends rays to the bright patches which that one has found.
+    /// Leaves out what another cache has given up, and nothing else: with smaller errors more records have the least radius, which says nothing of
+    /// their shapes. Sends rays to the bright patches which that one has found.
     pub fn start_as(&mut self, other: &IrradianceCache) {
         self.hopeless.clone_from(&other.hopeless);
+        self.judges = false;
         self.patches.clone_from(&other.patches);
         // Fewer records know less of patches.
         self.look_at = other.records.len().max(LOOK.0);

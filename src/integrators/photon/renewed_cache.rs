@@ -4,8 +4,8 @@
 //!             passes like the noise of samples, at no more than the cost of these
 //! Loaded      a cache that came from elsewhere stays: it is filled where the eye sees uncovered places, and not renewed, so that
 //!             pictures of one camera path do not differ by their caches
-//! Given up    shapes on which a cache was of no use are left out of the next ones. Where no shape remains, the next cache
-//!             finds that out again: it is for its surfels, on which paths end
+//! Given up    shapes on which the first cache was of no use are left out of the next ones, which judge none themselves. Where no shape
+//!             remains, the next cache finds that out again: it is for its surfels, on which paths end
 //! Source      Knaus & Zwicker 2011 (passes whose bias shrinks), for records in place of photons
 //! Verified by tests/photon.rs, tests/cache_reuse.rs
 

@@ -23,6 +23,9 @@ const AGAIN_STREAM: u64 = 0x1cb;
 impl IrradianceCache<'_> {
     /// Gives up shapes on which records cover next to nothing.
     pub(super) fn give_up(&mut self) {
+        if !self.judges {
+            return;
+        }
         // Records and those of least radius, by shape.
         let mut counts = std::collections::BTreeMap::<u32, [usize; 2]>::new();
         for (place, (record, least)) in self.gather.places().iter().zip(self.records.iter().zip(&self.min_radii)) {
