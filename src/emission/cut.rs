@@ -9,7 +9,7 @@
 //! Strata with the edge along their border have nothing to tell apart (METHODS 3.B, "edge-aligned strata"; boxes can follow an edge along an
 //! axis only, in steps). Axes that span less than half of the longest one are not cut, so that cells do not become slivers; where the
 //! margin vanishes along none of the axes within the cell it is halved. Any cut tiles the cell: no bias.
-//! Verified by tests in this file and `tests/adaptive.rs`.
+//! Verified by tests in this file and `tests/partition.rs`.
 
 use super::cell::Cell;
 use crate::edge::{Linear, chord::Chord};

@@ -14,7 +14,7 @@ use super::cache_file::Stored;
 use super::coat::Coat;
 use super::gather_hit::pack_normal;
 pub use super::gather_hit::{GatherHit, NO_SURFEL};
-use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
+use super::gather_ray::{GlossyLight, RayCounts, light_glossy};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
 use super::guided_rays::GuidedRays;
@@ -237,9 +237,9 @@ impl GatherCache {
         self.seed
     }
 
-    /// Sends rays to bright patches from the records that have not sent any yet, or anew from `all`. To be called as [`Self::gather`] is.
-    pub fn guide(&mut self, world: &World, surfels: &mut Surfels, patches: &[Patch], all: bool) {
-        let mut guided = if all { GuidedRays::default() } else { std::mem::take(&mut self.guided) };
+    /// Sends rays to bright patches from the records that have not sent any yet. To be called as [`Self::gather`] is.
+    pub fn guide(&mut self, world: &World, surfels: &mut Surfels, patches: &[Patch]) {
+        let mut guided = std::mem::take(&mut self.guided);
         self.counts += guided.trace(world, surfels, self, patches);
         self.guided = guided;
     }
@@ -254,22 +254,10 @@ impl GatherCache {
     /// Lights the glossy vertices of records that were gathered since the last call; of `all` for a new light.
     pub fn scatter(&mut self, world: &World, all: bool) {
         let start = if all { 0 } else { self.scattered.len() };
-        let key = hash(self.seed, GLOSSY);
-        let scattered: Vec<(Rgb, RayCounts)> = self.glossy[start..]
-            .par_iter()
-            .enumerate()
-            .with_min_len(256)
-            .map(|(i, (_, vertex))| {
-                let mut counts = RayCounts::default();
-                let mut rng = Sampler::new(key, (start + i) as u64, 0);
-                (glossy_direct(world, vertex, &mut rng, &mut counts), counts)
-            })
-            .collect();
+        let (scattered, counts) = light_glossy(world, hash(self.seed, GLOSSY), &self.glossy, start);
         self.scattered.truncate(start);
-        for (value, counts) in scattered {
-            self.scattered.push(value);
-            self.counts += counts;
-        }
+        self.scattered.extend(scattered);
+        self.counts += counts;
         self.counts += self.guided.scatter(world, self.seed, all);
     }
 

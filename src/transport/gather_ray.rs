@@ -21,6 +21,7 @@ use super::{World, nearly_specular, power_heuristic};
 use crate::accel::Ray;
 use crate::math::{Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::{LightSample, LobeKind, SurfacePoint, Transport};
+use rayon::prelude::*;
 
 /// Most surfaces that a gather ray is reflected by or passes.
 pub const MAX_CHAIN: u32 = 24;
@@ -264,6 +265,22 @@ impl World<'_> {
 
 fn usable(end: DiffuseEnd) -> Option<DiffuseEnd> {
     (end.weight.is_finite() && end.weight.max_element() > 0.0).then_some(end)
+}
+
+/// [`glossy_direct`] of vertices from number `start` on, each with random numbers of its own from `key`; and the rays that took.
+pub fn light_glossy(world: &World, key: u64, glossy: &[(u32, GlossyLight)], start: usize) -> (Vec<Rgb>, RayCounts) {
+    let lit: Vec<(Rgb, RayCounts)> = glossy[start..]
+        .par_iter()
+        .enumerate()
+        .with_min_len(256)
+        .map(|(i, (_, vertex))| {
+            let mut counts = RayCounts::default();
+            let mut rng = Sampler::new(key, (start + i) as u64, 0);
+            (glossy_direct(world, vertex, &mut rng, &mut counts), counts)
+        })
+        .collect();
+    let counts = lit.iter().fold(RayCounts::default(), |sum, (_, counts)| sum + *counts);
+    (lit.into_iter().map(|(value, _)| value).collect(), counts)
 }
 
 /// Throughput times radiance: of a vertex by one light sample of what the rest of its material scatters, of what was met by

@@ -18,7 +18,7 @@ use super::bright_patches::{Cone, Cones, Patch, cones};
 use super::cache_file::stored;
 use super::coat::Coat;
 use super::gather_cache::{GatherCache, GatherHit, Traced};
-use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
+use super::gather_ray::{GlossyLight, RayCounts, light_glossy};
 use super::surfel_light::SurfelLight;
 use super::surfels::Surfels;
 use crate::math::sampler::{hash, unit_f32};
@@ -137,19 +137,10 @@ impl GuidedRays {
     /// Lights the glossy vertices that are new since the last call, or `all`; as [`GatherCache::scatter`].
     pub fn scatter(&mut self, world: &World, seed: u64, all: bool) -> RayCounts {
         let start = if all { 0 } else { self.scattered.len() };
-        let lit: Vec<(Rgb, RayCounts)> = self.glossy[start..]
-            .par_iter()
-            .enumerate()
-            .with_min_len(256)
-            .map(|(i, (_, vertex))| {
-                let mut counts = RayCounts::default();
-                let mut rng = Sampler::new(hash(seed, GLOSSY), (start + i) as u64, 0);
-                (glossy_direct(world, vertex, &mut rng, &mut counts), counts)
-            })
-            .collect();
+        let (scattered, counts) = light_glossy(world, hash(seed, GLOSSY), &self.glossy, start);
         self.scattered.truncate(start);
-        self.scattered.extend(lit.iter().map(|(value, _)| *value));
-        lit.iter().fold(RayCounts::default(), |sum, (_, counts)| sum + *counts)
+        self.scattered.extend(scattered);
+        counts
     }
 
     /// Turns the radiance of the gather rays of `record`, those of index `range`, into that of its cells.

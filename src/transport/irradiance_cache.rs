@@ -161,9 +161,8 @@ impl<'a> IrradianceCache<'a> {
         (weights > 0.0).then(|| sum / weights)
     }
 
-    /// Whole irradiance (direct, caustic and indirect) at the end of a ray whose last part, after mirrors and glass, is of length `distance`,
-    /// as gather rays read it;
-    /// `None` where no surfel stands for the place. For rays that come from all of a hemisphere or a wide lobe.
+    /// Whole irradiance (direct, caustic and indirect) as gather rays read it, at the end of a ray whose last part, after mirrors and glass, is of
+    /// length `distance`; `None` where no surfel stands for the place. For rays that come from all of a hemisphere or a wide lobe.
     pub fn at_hit(&self, at: &Facet, distance: f32) -> Option<Rgb> {
         let light = self.light.as_ref()?;
         let k = light.surfels.find(&self.world, at, distance)?;
@@ -226,8 +225,11 @@ impl<'a> IrradianceCache<'a> {
     }
 
     /// Leaves out what another cache has given up, and nothing else: with smaller errors more records have the least radius, which says nothing of
-    /// their shapes. Sends rays to the bright patches which that one has found.
+    /// their shapes. Sends rays to the bright patches which that one has found. A cache without records has judged nothing.
     pub fn start_as(&mut self, other: &IrradianceCache) {
+        if other.records.is_empty() {
+            return;
+        }
         self.hopeless.clone_from(&other.hopeless);
         self.judges = false;
         self.patches.clone_from(&other.patches);

@@ -21,7 +21,7 @@
 use super::World;
 use super::cache_file::stored;
 use super::coat::Coat;
-use super::gather_ray::{GlossyLight, RayCounts, glossy_direct};
+use super::gather_ray::{GlossyLight, RayCounts, light_glossy};
 use super::surfel_direct::{direct, places_of, samples_needed};
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::hash;
@@ -347,19 +347,10 @@ impl SurfelLight {
         if matches!(light, HitLight::Operator { .. }) {
             // Vertices lie in the order of their surfels.
             let from = glossy.partition_point(|(k, _)| (*k as usize) < start);
-            let scattered: Vec<(Rgb, RayCounts)> = glossy[from..]
-                .par_iter()
-                .enumerate()
-                .with_min_len(CHUNK)
-                .map(|(i, (_, vertex))| {
-                    let mut counts = RayCounts::default();
-                    let mut rng = Sampler::new(hash(settings.seed, GLOSSY), (from + i) as u64, 0);
-                    (glossy_direct(world, vertex, &mut rng, &mut counts), counts)
-                })
-                .collect();
-            for ((k, _), (value, counts)) in glossy[from..].iter().zip(scattered) {
+            let (scattered, counts) = light_glossy(world, hash(settings.seed, GLOSSY), glossy, from);
+            self.counts += counts;
+            for ((k, _), value) in glossy[from..].iter().zip(scattered) {
                 self.scattered[*k as usize] += value * (PI / settings.gather_rays as f32);
-                self.counts += counts;
             }
         }
     }

@@ -45,6 +45,7 @@ use std::path::Path;
 
 /// Samples of a pixel in each pass where nothing is adaptive: as many as Namae and Makino took.
 const FULL_SAMPLES: f32 = 16.0;
+
 /// The photon integrator.
 pub struct Photon<'a> {
     world: World<'a>,

@@ -129,9 +129,7 @@ impl<'a> RenewedCache<'a> {
             ..self.usual
         };
         let mut cache = IrradianceCache::new(self.world, settings);
-        if self.made > 0 {
-            cache.start_as(&self.cache);
-        }
+        cache.start_as(&self.cache);
         self.fill(&mut cache, light, over);
         if cache.records().is_empty() {
             cache = IrradianceCache::new(self.world, settings);

@@ -96,7 +96,7 @@ fn guided_rays_keep_the_mean_and_lower_the_variance() {
     let patches = bright_patches::find(&light.surfels, light.irradiance(), known);
     assert!(!patches.is_empty() && patches.iter().all(|p| (p.center - MIDDLE).length() < 0.2), "{patches:?}");
     let before = cache.counts.rays;
-    cache.guide(&world, &mut light.surfels, &patches, true);
+    cache.guide(&world, &mut light.surfels, &patches);
     light.extend(&world, &hit_light, cache.len() * RAYS as usize);
     let guided = cache.evaluate(0..cache.len(), &light);
     let more = (cache.counts.rays - before) as f64 / (facets.len() as f64 * f64::from(RAYS));
@@ -136,7 +136,7 @@ fn records_must_not_be_guided_by_what_they_found_themselves() {
         let known = (0..telling.len()).map(|i| (telling.places()[i], luminance(alone[i].irradiance), telling.hits(i)));
         let patches = bright_patches::find(&light.surfels, light.irradiance(), known);
         let mut cache = gathered(&mut light, seed);
-        cache.guide(&world, &mut light.surfels, &patches, true);
+        cache.guide(&world, &mut light.surfels, &patches);
         light.extend(&world, &hit_light, cache.len() * RAYS as usize);
         errors(&cache.evaluate(0..cache.len(), &light), &facets, SMALLEST)[0]
     };

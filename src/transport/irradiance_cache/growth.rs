@@ -41,13 +41,10 @@ impl IrradianceCache<'_> {
 
     /// Adds a record at each place.
     pub(super) fn add(&mut self, round: &[Place], hit_light: &HitLight) {
-        let Some(light) = &mut self.light else { return };
         let first = self.records.len();
         let facets: Vec<Facet> = round.iter().map(|p| p.facet).collect();
-        self.gather.gather(&self.world, &mut light.surfels, &facets);
-        self.gather.guide(&self.world, &mut light.surfels, &self.patches, false);
-        light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
-        self.gather.scatter(&self.world, false);
+        self.gather_at(&facets, hit_light);
+        let Some(light) = &self.light else { return };
         let estimates = self.gather.evaluate(first..self.gather.len(), light);
         let bright = |sum: f32, e: Rgb| sum + luminance(e);
         let sum =
@@ -60,6 +57,15 @@ impl IrradianceCache<'_> {
             self.records.push(record);
         }
         self.bound_by_neighbours();
+    }
+
+    /// Gathers at places: gather rays, those to bright patches, and the light of what they hit.
+    fn gather_at(&mut self, facets: &[Facet], hit_light: &HitLight) {
+        let Some(light) = &mut self.light else { return };
+        self.gather.gather(&self.world, &mut light.surfels, facets);
+        self.gather.guide(&self.world, &mut light.surfels, &self.patches);
+        light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
+        self.gather.scatter(&self.world, false);
     }
 
     /// Looks for bright patches if it is time to. Records to come send rays to them, and none of those that have told where they are: rays that
@@ -95,14 +101,10 @@ impl IrradianceCache<'_> {
 
     /// Gathers anew for the records there are.
     fn start_again(&mut self, hit_light: &HitLight) {
-        let Some(light) = &mut self.light else { return };
         let other = GatherCache::new(self.settings.gather_rays, hash(self.settings.seed, AGAIN_STREAM));
         let before = std::mem::replace(&mut self.gather, other);
         (self.gather.most_segments, self.gather.counts) = (before.most_segments, before.counts);
-        self.gather.gather(&self.world, &mut light.surfels, before.places());
-        self.gather.guide(&self.world, &mut light.surfels, &self.patches, false);
-        light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
-        self.gather.scatter(&self.world, false);
+        self.gather_at(before.places(), hit_light);
         self.resize();
     }
 
