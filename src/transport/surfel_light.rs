@@ -185,9 +185,12 @@ impl SurfelLight {
                 break;
             }
             self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
-            // From the second generation on: wider neighbourhoods, and not much more than there is.
-            let most = if generation == 0 { None } else { Some(*most.get_or_insert(2 * self.surfels.len() + FURTHER)) };
-            self.gather(world, start, with_rows, most);
+            // No more than two for each gather ray: in hair and foliage every ray would find a new one. From the second generation on: wider
+            // neighbourhoods, and not much more than there is.
+            let coarse = generation > 0;
+            let most =
+                if coarse { *most.get_or_insert(self.surfels.len() * 3 / 2 + FURTHER) } else { 2 * rays + FURTHER };
+            self.gather(world, start, with_rows, coarse, most);
         }
         self.row_ends.resize(self.surfels.len(), self.entries.len() as u32);
         self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
@@ -245,7 +248,7 @@ impl SurfelLight {
     }
 
     /// Traces the rows of the surfels from `start` on.
-    fn gather(&mut self, world: &World, start: usize, with_rows: bool, most: Option<usize>) {
+    fn gather(&mut self, world: &World, start: usize, with_rows: bool, coarse: bool, most: usize) {
         let n = if with_rows { self.settings.gather_rays } else { 0 };
         let indices: Vec<usize> = (start..self.surfels.len()).collect();
         let (surfels, seed, most_segments) = (&self.surfels, self.settings.seed, self.settings.bounces);
@@ -290,10 +293,10 @@ impl SurfelLight {
                 let (begin, mut lost) = (self.entries.len(), 0);
                 for f in row.iter().flatten() {
                     let surfel = match f.surfel {
-                        None => match most {
-                            Some(most) => self.surfels.find_or_insert_coarse(world, &f.at, most),
-                            None => Some(self.surfels.find_or_insert(world, &f.at, f32::INFINITY)),
-                        },
+                        None if coarse || self.surfels.len() >= most => {
+                            self.surfels.find_or_insert_coarse(world, &f.at, most)
+                        }
+                        None => Some(self.surfels.find_or_insert(world, &f.at, f32::INFINITY)),
                         known => known,
                     };
                     match surfel {
