@@ -16,21 +16,24 @@
 //! With an *interest* (photons for a caustic map), cells that cannot reach such a shape first are left out with their flux
 //! ([`Interest`]); lights at infinity start from the disk of its bounding sphere. The sum is then the flux of what is left.
 //! Source: Namae and Makino (refinement by predicted neighbours), METHODS 3.B (strata, weights). Bias: none.
-//! Not handled: cylinders, environments, large meshes (emitted as by [`Uniform`]); lights of less than [`LEAST`] photons.
+//! Not handled: cylinders, environments, large meshes (their density is learned instead, see [`Learned`]); lights of less than [`LEAST`]
+//! photons (emitted as by [`Uniform`]).
 //! Verified by `tests/adaptive.rs`.
 
 use super::allocate::{Allocation, apportion, light_weights, powers};
 use super::cell::{Cell, Cutter};
 use super::cut::Cut;
 use super::interest::Interest;
+use super::learned::Learned;
 use super::partition::{Builder, Stratum, partition};
 use super::source::Source;
 use super::uniform::{Sequence, Uniform, numbers};
-use super::{DensityMap, EmissionDensity, EmittedRay};
+use super::{Arrival, DensityMap, EmissionDensity, EmittedRay};
 use crate::accel::Accel;
 use crate::edge::EdgeDetector;
 use crate::math::DVec3;
 use crate::scene::Scene;
+use std::ops::Range;
 
 /// A light with fewer photons is not cut.
 pub const LEAST: usize = 32;
@@ -90,6 +93,8 @@ pub struct EdgeAdaptive<'a> {
     cutters: Vec<Option<Cutter<'a>>>,
     strata: Vec<Stratum>,
     /// Lights that are not cut, after the cells.
+    learned: Vec<Learned<'a>>,
+    /// Lights of few photons, after these.
     rest: Uniform<'a>,
     power: Vec<f64>,
     n: usize,
@@ -120,6 +125,12 @@ impl<'a> EdgeAdaptive<'a> {
         let cut = |light: usize| power[light] * n as f64 >= LEAST as f64 * total;
         let cutters: Vec<_> =
             sources.iter().enumerate().map(|(i, s)| cut(i).then(|| Cutter::new(scene, s.clone())).flatten()).collect();
+        let reach = f64::from(scene.bounds.1);
+        let learned = sources.iter().enumerate().filter(|(i, _)| cut(*i) && cutters[*i].is_none());
+        let targets = learned.clone().next().and(interest.as_ref()).map_or(Vec::new(), Interest::targets);
+        let learned: Vec<Learned> =
+            learned.map(|(_, s)| Learned::new(s.clone(), &targets, reach, settings.sequence, seed ^ 2)).collect();
+        learned.iter().for_each(|l| power[l.light() as usize] *= l.kept().min(1.0));
         let most = if settings.cells > 0 { settings.cells } else { (n / 2).min(MOST_CELLS) };
         let Settings { smooth, cut, linearity, .. } = *settings;
         let detector = EdgeDetector::new(scene, accel);
@@ -139,7 +150,7 @@ impl<'a> EdgeAdaptive<'a> {
         };
         let rest = Uniform::with(scene, sources, settings.sequence, seed ^ 1);
         let sequence = settings.sequence;
-        let mut adaptive = EdgeAdaptive { cutters, strata, rest, power, n, since: 0, seed, sequence, summary };
+        let mut adaptive = EdgeAdaptive { cutters, strata, learned, rest, power, n, since: 0, seed, sequence, summary };
         adaptive.allocate(None);
         adaptive
     }
@@ -176,6 +187,10 @@ impl<'a> EdgeAdaptive<'a> {
             }
             begin += len;
         }
+        for learned in &mut self.learned {
+            let count = &mut allocation.counts[learned.light() as usize];
+            learned.set_count(std::mem::take(count), self.since);
+        }
         self.rest.set_allocation(allocation);
     }
 
@@ -199,7 +214,11 @@ impl<'a> EdgeAdaptive<'a> {
             Some(cutter) => {
                 cutter.coordinates(o, d).is_some_and(|(face, at)| self.stratum_at(light, face, at).is_some())
             }
-            None => self.power[light as usize] > 0.0 && self.rest.source(light).invert(o, d).is_some(),
+            None => {
+                let learned = self.learned.iter().find(|l| l.light() == light);
+                let kept = learned.is_none_or(|l| l.holds(o, d));
+                kept && self.power[light as usize] > 0.0 && self.rest.source(light).invert(o, d).is_some()
+            }
         }
     }
 
@@ -219,6 +238,11 @@ impl<'a> EdgeAdaptive<'a> {
 
     fn in_cells(&self) -> usize {
         self.strata.last().map_or(0, |s| s.first + s.photons)
+    }
+
+    /// Photons of the lights that learn.
+    fn in_learned(&self) -> usize {
+        self.learned.iter().map(Learned::count).sum()
     }
 }
 
@@ -249,14 +273,22 @@ fn photon_width(s: &Stratum) -> [f64; 4] {
 
 impl EmissionDensity for EdgeAdaptive<'_> {
     fn count(&self) -> usize {
-        self.in_cells() + self.rest.count()
+        self.in_cells() + self.in_learned() + self.rest.count()
     }
 
     fn emit(&self, index: usize, pass: u64) -> Option<EmittedRay> {
         let cells = self.in_cells();
         if index >= cells {
-            let ray = self.rest.emit(index - cells, pass)?;
-            return Some(EmittedRay { stratum: ray.stratum + self.strata.len() as u32, ..ray });
+            let (mut index, mut strata) = (index - cells, self.strata.len());
+            let place = |ray: EmittedRay, strata: usize| EmittedRay { stratum: ray.stratum + strata as u32, ..ray };
+            for learned in &self.learned {
+                if index < learned.count() {
+                    return learned.emit(index, pass).map(|ray| place(ray, strata));
+                }
+                index -= learned.count();
+                strata += learned.cells();
+            }
+            return self.rest.emit(index, pass).map(|ray| place(ray, strata));
         }
         let id = self.strata.partition_point(|s| s.first <= index) - 1;
         let s = &self.strata[id];
@@ -273,6 +305,24 @@ impl EmissionDensity for EdgeAdaptive<'_> {
             stratum: id as u32,
             spread: start.spread(s.width.map(|w| 0.5 * w)),
         })
+    }
+
+    fn learners(&self) -> Range<usize> {
+        self.in_cells()..self.in_cells() + self.in_learned()
+    }
+
+    fn note(&mut self, arrived: &[Arrival], pass: u64) {
+        let mut first = self.in_cells();
+        for learned in &mut self.learned {
+            let own = first..first + learned.count();
+            let arrived = arrived.iter().filter(|a| own.contains(&a.index));
+            learned.note(arrived.map(|a| Arrival { index: a.index - first, ..*a }), pass);
+            first = own.end;
+        }
+    }
+
+    fn follow(&mut self, pass: u64) {
+        self.learned.iter_mut().for_each(|learned| learned.follow(pass));
     }
 
     fn set_light_weights(&mut self, learned: &[f32], pass: u64) {

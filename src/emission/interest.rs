@@ -11,6 +11,7 @@
 //! polygon form a convex set in (x, y), and for a fixed direction so do the origins; 16 corner rays therefore decide.
 //! Not handled: covering by several polygons together, or by curved surfaces; such cells are kept.
 
+use super::targets::{Target, targets};
 use crate::accel::Accel;
 use crate::accel::footprint::{Beam, Visitor};
 use crate::edge::View;
@@ -190,6 +191,11 @@ impl<'a> Interest<'a> {
         let mut walk = Walk { interest: self, bundle, own, limit: f32::INFINITY, found: false };
         self.accel.walk(&beam, &mut walk);
         walk.found
+    }
+
+    /// Spheres round clusters of wanted shapes, see [`super::targets`].
+    pub(super) fn targets(&self) -> Vec<Target> {
+        targets(self.scene, &self.wanted)
     }
 
     /// A sphere round all wanted shapes, `None` if there are none.

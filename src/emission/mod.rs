@@ -8,11 +8,13 @@
 //!   families of lights; `warp`: the maps they are made of
 //! * `allocate`: photons per light, strata of positions
 //! * [`Uniform`]: natural density
+//! * `learned`, `arrival_tree`, `targets`: density that is learned from the photons of earlier passes, for lights that are not cut
 //! * [`EdgeAdaptive`]: strata by the edges that a light sees; `chart`, `cell`: what they are cut from; `partition`, `cut`, `linearisation`: which
 //!   are cut, and where; `interest`: which of them can make a caustic; [`DensityMap`]: a picture of it
 
 mod allocate;
 mod area;
+mod arrival_tree;
 mod cell;
 mod chart;
 mod cut;
@@ -21,9 +23,11 @@ mod density_map;
 mod edge_adaptive;
 mod environment;
 mod interest;
+mod learned;
 mod linearisation;
 mod partition;
 mod source;
+mod targets;
 #[cfg(test)]
 mod tests;
 mod uniform;
@@ -39,6 +43,7 @@ pub use uniform::{Sequence, Uniform};
 pub use warp::Mapped;
 
 use crate::math::{Rgb, Vec3};
+use std::ops::Range;
 
 /// Parameters of the emission of one photon, at most: two of the position on a light, two of the direction.
 pub const MOST_PARAMETERS: usize = 4;
@@ -70,6 +75,15 @@ pub struct EmittedRay {
     pub spread: Spread,
 }
 
+/// A photon that got where it was wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrival {
+    /// Its index in the pass.
+    pub index: usize,
+    /// Power that it arrived with, mean of the channels, W.
+    pub flux: f32,
+}
+
 /// A way to place photons. The photons of one pass, indices 0..count, together carry the power of all lights (in expectation, where a
 /// count is random).
 pub trait EmissionDensity: Sync {
@@ -83,6 +97,22 @@ pub trait EmissionDensity: Sync {
     /// be called between passes only, at fixed ones. Densities that choose among no lights ignore it.
     fn set_light_weights(&mut self, learned: &[f32], pass: u64) {
         let _ = (learned, pass);
+    }
+
+    /// Photons of a pass whose fates teach where those of later passes should go: none if the density does not learn.
+    fn learners(&self) -> Range<usize> {
+        0..0
+    }
+
+    /// Takes note of what became of the [`Self::learners`] of pass `pass`, all of which were traced: `arrived` in order of their indices (others
+    /// than learners are passed over). Changes nothing by itself.
+    fn note(&mut self, arrived: &[Arrival], pass: u64) {
+        let _ = (arrived, pass);
+    }
+
+    /// Follows what has been noted so far, from pass `pass` on. To be called between passes only, at fixed ones.
+    fn follow(&mut self, pass: u64) {
+        let _ = pass;
     }
 
     /// A picture of the density of a light, faces of `size` x `size` pixels; `None` if it is the natural one.

@@ -69,6 +69,8 @@ pub struct Traced {
     pub photons: Vec<Photon>,
     /// For [`Goal::Lights`], of each stored photon the diffuse part of the material that it meets; else none.
     pub materials: Vec<Bsdf>,
+    /// For [`Goal::Caustics`], of each stored photon its index in the pass; else none.
+    pub indices: Vec<u32>,
     /// What became of the light.
     pub ledger: Ledger,
     /// Values that were not finite, and ended their walks.
@@ -87,9 +89,14 @@ pub fn trace(world: World, density: &dyn EmissionDensity, settings: &WalkSetting
                 let stream = STREAM ^ crate::math::sampler::hash(STREAM, pass);
                 let rng = &mut Sampler::new(settings.seed, stream, index as u64);
                 let parameters = parameters(&emitted);
+                let stored = walk.out.photons.len();
                 match parameters.len() {
                     ..=2 => walk.photon(&emitted, Differential::<2>::new(&emitted, &parameters), rng),
                     _ => walk.photon(&emitted, Differential::<4>::new(&emitted, &parameters), rng),
+                }
+                if settings.goal == Goal::Caustics {
+                    let new = walk.out.photons.len() - stored;
+                    walk.out.indices.extend(std::iter::repeat_n(index as u32, new));
                 }
             }
         }
@@ -101,6 +108,7 @@ pub fn trace(world: World, density: &dyn EmissionDensity, settings: &WalkSetting
     for mut chunk in chunks {
         all.photons.extend_from_slice(&chunk.photons);
         all.materials.append(&mut chunk.materials);
+        all.indices.append(&mut chunk.indices);
         all.ledger += &chunk.ledger;
         all.invalid += chunk.invalid;
     }

@@ -5,7 +5,7 @@ use super::*;
 use crate::accel::Accel;
 
 /// Mirrors and glass in a room of sorts: a sphere, a mesh, a rectangle behind a screen; material 3 (null) hides nothing.
-fn surroundings(moved: f64) -> Vec<ShapeDesc> {
+pub(super) fn surroundings(moved: f64) -> Vec<ShapeDesc> {
     let v = DVec3::new;
     let quad = |c, x, y, m| shape(GeometryDesc::Rectangle, placed(c, x, y), m, None);
     let ball = GeometryDesc::Sphere { center: v(-0.9 + moved, 0.4, 0.3), radius: 0.35 };
@@ -21,7 +21,7 @@ fn surroundings(moved: f64) -> Vec<ShapeDesc> {
     ]
 }
 
-fn wanted(scene: &Scene) -> impl Fn(u32) -> bool {
+pub(super) fn wanted(scene: &Scene) -> impl Fn(u32) -> bool {
     let materials: Vec<u32> = scene.shapes.iter().map(|s| s.material).collect();
     move |s| [1, 2].contains(&materials[s as usize])
 }

@@ -4,6 +4,7 @@ mod adaptive;
 mod cells;
 mod flux;
 mod interest;
+mod learned;
 mod maps;
 mod partition;
 

@@ -1,5 +1,6 @@
 //! Caustic photons of each pass: where they start, how many there are.
 
+use super::learned_emission;
 use super::learned_lights::LearnedLights;
 use super::settings::{Emission, PhotonSettings};
 use crate::emission::{self, DensityMap, EdgeAdaptive, EmissionDensity, Sequence, Uniform};
@@ -19,6 +20,8 @@ pub struct Caustics<'a> {
     map: MapSettings,
     /// `None`: photons follow power.
     learned: Option<LearnedLights>,
+    /// Photons emitted in all passes so far, those that only taught included.
+    emitted: u64,
 }
 
 impl<'a> Caustics<'a> {
@@ -45,12 +48,12 @@ impl<'a> Caustics<'a> {
             }
         };
         let learned = (settings.emission == Emission::Adaptive).then(LearnedLights::default);
-        Some(Caustics { world, density, map: settings.map(), learned })
+        Some(Caustics { world, density, map: settings.map(), learned, emitted: 0 })
     }
 
-    /// Photons emitted in each pass.
+    /// Photons emitted for all maps so far, those that only taught where to start included.
     pub fn emitted(&self) -> u64 {
-        self.density.count() as u64
+        self.emitted
     }
 
     /// The photons that the map of a pass is made of, and nothing else of it.
@@ -64,13 +67,19 @@ impl<'a> Caustics<'a> {
         lights.filter_map(|light| self.density.density_map(light, size)).take(most).collect()
     }
 
-    /// The photons of a pass; those of later ones leave the lights from which more of them have arrived.
+    /// The photons of a pass; those of later ones leave the lights, and the parts of their emission, from which more of them have arrived.
     pub fn map(&mut self, pass: u64) -> CausticMap {
-        let map = CausticMap::build(self.world, self.density.as_ref(), &self.map, pass);
-        if let Some(learned) = &mut self.learned {
-            learned.learn(pass, &map.ledger, PhotonClass::Caustic, self.density.as_mut());
+        let walk = self.map.walk(Goal::Caustics);
+        if pass == 0 && self.learned.is_some() {
+            self.emitted += learned_emission::pilot(self.world, self.density.as_mut(), &walk);
         }
-        map
+        let traced = trace(self.world, self.density.as_ref(), &walk, pass);
+        self.emitted += self.density.count() as u64;
+        if let Some(learned) = &mut self.learned {
+            learned_emission::learn(&traced, 0, self.density.as_mut(), pass);
+            learned.learn(pass, &traced.ledger, PhotonClass::Caustic, self.density.as_mut());
+        }
+        CausticMap::from_photons(self.world, traced, &self.map, pass)
     }
 }
 

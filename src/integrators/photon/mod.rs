@@ -16,6 +16,7 @@ mod allocate;
 pub(super) mod caustics;
 mod eye;
 mod global;
+mod learned_emission;
 mod learned_lights;
 mod pilot;
 pub mod places;
@@ -55,7 +56,7 @@ pub struct Photon<'a> {
     caustics: Option<Caustics<'a>>,
     /// Caustic photons of this pass.
     map: Option<CausticMap>,
-    /// Photons emitted in all passes so far.
+    /// Photons emitted for global maps so far.
     emitted: u64,
     global: Option<Global<'a>>,
     /// Photons of this pass in place of the cache.
@@ -155,7 +156,6 @@ impl Integrator for Photon<'_> {
             }
             _ => {}
         }
-        self.emitted += self.caustics.as_ref().map_or(0, Caustics::emitted);
         self.map = self.caustics.as_mut().map(|c| c.map(pass));
         self.global_map = self.global.as_ref().map(|g| g.map(pass));
         self.emitted += self.global.as_ref().map_or(0, Global::count);
@@ -174,7 +174,8 @@ impl Integrator for Photon<'_> {
 
     fn prepared(&self) -> Counts {
         let cache = self.cache.as_ref().map(RenewedCache::rays).unwrap_or_default();
-        Counts { photons: self.emitted, rays: cache.rays, shadow_rays: cache.shadow_rays, ..Counts::default() }
+        let photons = self.emitted + self.caustics.as_ref().map_or(0, Caustics::emitted);
+        Counts { photons, rays: cache.rays, shadow_rays: cache.shadow_rays, ..Counts::default() }
     }
 
     fn samples(&self, x: u32, y: u32, pass: u64) -> u32 {
