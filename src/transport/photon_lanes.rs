@@ -10,10 +10,11 @@
 //! Source: the estimate is that of [`super::photon_map`]; this is its layout. Bias: none of its own.
 //! Verified by `tests/lanes.rs`: the same sum photon by photon.
 
+use super::eight::{Eight, Wide, all, dot, splat3};
 use super::obstacle::{NONE, Obstacles};
 use super::photon_map::NORMAL_CONE;
-use super::photon_tree::{Eight, PhotonTree, all};
-use crate::math::{Rgb, Vec3, Vec4};
+use super::photon_tree::{LeafVisitor, PhotonTree};
+use crate::math::{Rgb, Vec3};
 
 /// What a query needs of a photon.
 #[derive(Clone, Copy, Debug)]
@@ -51,11 +52,15 @@ pub struct PhotonLanes {
     leaves: Vec<Lanes>,
 }
 
-/// Normal and longest way of a query.
-#[derive(Clone, Copy)]
-struct Query {
-    n: [Vec4; 3],
-    most: Vec4,
+/// A point that is asked for, the unit normal of its surface, and the longest way that counts, segments.
+#[derive(Clone, Copy, Debug)]
+pub struct Query {
+    /// Point.
+    pub x: Vec3,
+    /// Normal, on the side of the surface that is asked for.
+    pub n: Vec3,
+    /// Most segments.
+    pub most: u32,
 }
 
 impl PhotonLanes {
@@ -64,25 +69,37 @@ impl PhotonLanes {
         PhotonLanes { leaves: tree.map_leaves(Lanes::new) }
     }
 
-    /// Irradiance at `x` on the side of the unit normal `n`, by photons of `most` segments at most.
-    pub fn irradiance(&self, tree: &PhotonTree<Arrival>, obstacles: &Obstacles, x: Vec3, n: Vec3, most: u32) -> Rgb {
-        let query = Query { n: n.to_array().map(Vec4::splat), most: Vec4::splat(most as f32) };
-        let mut sums = [all(0.0); 3];
-        tree.visit_leaves(x, |leaf, mut w, items| {
-            let lanes = &self.leaves[leaf];
-            let mut looked_at = lanes.obstructed;
-            while looked_at != 0 {
-                let k = looked_at.trailing_zeros() as usize;
-                looked_at &= looked_at - 1;
-                let (a, w) = (&items[k], &mut w[k / 4][k % 4]);
-                if *w > 0.0 && 1.0 - *w >= a.clear && obstacles.hides(a.obstacle, x) {
-                    *w = 0.0;
-                }
-            }
-            add(lanes, &query, &w, &mut sums);
-        });
-        let total = |[a, b]: Eight| (a + b).to_array().iter().sum();
-        Rgb::from_array(sums.map(total))
+    /// Irradiance at a point.
+    #[inline]
+    pub fn irradiance(&self, tree: &PhotonTree<Arrival>, obstacles: &Obstacles, query: &Query) -> Rgb {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has what the function enables.
+            return unsafe { self.sum_avx2(tree, obstacles, query) };
+        }
+        self.sum::<Eight>(tree, obstacles, query)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn sum_avx2(&self, tree: &PhotonTree<Arrival>, obstacles: &Obstacles, query: &Query) -> Rgb {
+        self.sum::<super::eight::Avx2>(tree, obstacles, query)
+    }
+
+    /// The same by the lanes of `W`.
+    #[inline(always)]
+    pub(super) fn sum<W: Wide>(&self, tree: &PhotonTree<Arrival>, obstacles: &Obstacles, query: &Query) -> Rgb {
+        let mut sum = Sum {
+            leaves: &self.leaves,
+            obstacles,
+            x: query.x,
+            n: splat3(query.n),
+            most: W::splat(query.most as f32),
+            sums: [W::splat(0.0); 3],
+        };
+        tree.visit_leaves(query.x, &mut sum);
+        let [red, green, blue] = sum.sums;
+        Rgb::new(total(red.store()), total(green.store()), total(blue.store()))
     }
 
     /// Memory, bytes.
@@ -107,15 +124,48 @@ impl Lanes {
     }
 }
 
-/// Adds what eight photons of weights `w` bring.
-#[inline(always)]
-fn add(lanes: &Lanes, query: &Query, w: &Eight, sums: &mut [Eight; 3]) {
-    for h in 0..2 {
-        let cos = lanes.n[0][h] * query.n[0] + lanes.n[1][h] * query.n[1] + lanes.n[2][h] * query.n[2];
-        let counts = w[h].cmpgt(Vec4::ZERO) & cos.cmpge(Vec4::splat(NORMAL_CONE)) & lanes.segments[h].cmple(query.most);
-        let w = Vec4::select(counts, w[h], Vec4::ZERO);
-        for (sum, e) in sums.iter_mut().zip(&lanes.e) {
-            sum[h] += e[h] * w;
+/// Sum of all lanes.
+fn total([a, b]: Eight) -> f32 {
+    (a + b).to_array().iter().sum()
+}
+
+/// Irradiance at a point, lane by lane.
+struct Sum<'a, W> {
+    leaves: &'a [Lanes],
+    obstacles: &'a Obstacles,
+    x: Vec3,
+    n: [W; 3],
+    most: W,
+    sums: [W; 3],
+}
+
+impl<W: Wide> LeafVisitor<Arrival, W> for Sum<'_, W> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: usize, mut w: W, items: &[Arrival]) {
+        let lanes = &self.leaves[leaf];
+        if lanes.obstructed != 0 {
+            w = W::load(&hidden(w.store(), lanes.obstructed, items, self.obstacles, self.x));
+        }
+        let faces = W::splat(NORMAL_CONE).at_most(dot(&lanes.n, &self.n));
+        let counts = W::both(W::both(W::splat(0.0).below(w), faces), W::load(&lanes.segments).at_most(self.most));
+        let w = w.kept(counts);
+        let (sums, e) = (&mut self.sums, &lanes.e);
+        sums[0] = sums[0].plus(W::load(&e[0]).times(w));
+        sums[1] = sums[1].plus(W::load(&e[1]).times(w));
+        sums[2] = sums[2].plus(W::load(&e[2]).times(w));
+    }
+}
+
+/// Weights without those of photons that `x` does not see, of those with an obstacle.
+fn hidden(mut w: Eight, obstructed: u32, items: &[Arrival], obstacles: &Obstacles, x: Vec3) -> Eight {
+    let mut looked_at = obstructed;
+    while looked_at != 0 {
+        let k = looked_at.trailing_zeros() as usize;
+        looked_at &= looked_at - 1;
+        let (a, w) = (&items[k], &mut w[k / 4][k % 4]);
+        if *w > 0.0 && 1.0 - *w >= a.clear && obstacles.hides(a.obstacle, x) {
+            *w = 0.0;
         }
     }
+    w
 }

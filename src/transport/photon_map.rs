@@ -19,7 +19,7 @@
 use super::nearest::NearestPhotons;
 use super::obstacle::{Obstacle, Obstacles};
 use super::photon::{Ledger, Photon, PhotonClass};
-use super::photon_lanes::{Arrival, PhotonLanes};
+use super::photon_lanes::{Arrival, PhotonLanes, Query};
 pub use super::photon_settings::{ALPHA, Kernel, PhotonSettings, SCALE, shrinkage};
 use super::photon_tree::PhotonTree;
 use super::photon_walk::{GRAZING, Goal, Traced, trace};
@@ -140,7 +140,7 @@ impl Estimator {
     /// Irradiance on the side of `n`.
     fn irradiance(&self, p: Vec3, n: Vec3, most: u32) -> Rgb {
         if let Estimator::Kernels(k) = self {
-            return k.lanes.irradiance(&k.tree, &k.obstacles, p, n, most);
+            return k.lanes.irradiance(&k.tree, &k.obstacles, &Query { x: p, n, most });
         }
         let mut sum = Rgb::ZERO;
         self.visit(p, n, most, |a, e| sum += e * a.shading);

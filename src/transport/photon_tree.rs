@@ -9,26 +9,17 @@
 //! Source: for the order Lauterbach et al. 2009, "Fast BVH Construction on GPUs"; classes by reach: METHODS 3.B.
 //! Verified against brute force by `tests/tree.rs`.
 
+use super::eight::{Eight, WIDTH, Wide, all, dot, splat3};
 use super::footprint_kernel::Ellipsoid;
-use crate::math::{Vec3, Vec4};
+use crate::math::Vec3;
 use rayon::prelude::*;
 
-/// Children of a node, and photons of a leaf.
-pub const WIDTH: usize = 8;
 /// Levels of a tree of 2^32 photons.
 const MOST_LEVELS: usize = 11;
 /// Bits of a coordinate on the curve.
 const BITS: u32 = 19;
 /// Greatest factor between the reaches of a class, as its binary logarithm.
 const CLASS_LOG2: i32 = 1;
-
-/// A number of each of eight.
-pub type Eight = [Vec4; 2];
-
-/// Eight times the same.
-pub const fn all(x: f32) -> Eight {
-    [Vec4::splat(x); 2]
-}
 
 /// Boxes of eight children: lower and upper ends along x, y, z. Empty where there is no child.
 #[derive(Clone, Copy, Debug)]
@@ -62,6 +53,13 @@ struct Class {
     count: usize,
     /// Index of its first leaf among those of all classes.
     first_leaf: usize,
+}
+
+/// What becomes of the leaves around a point.
+pub trait LeafVisitor<T, W> {
+    /// A leaf: its number as in [`PhotonTree::map_leaves`], 1 - q of its ellipsoids (not positive: outside, may be NaN), and their items, fewer
+    /// than lanes in the last one.
+    fn leaf(&mut self, leaf: usize, w: W, items: &[T]);
 }
 
 /// Ellipsoids with something attached to each.
@@ -110,27 +108,33 @@ impl<T: Copy + Send + Sync> PhotonTree<T> {
     #[inline]
     pub fn visit(&self, x: Vec3, mut visit: impl FnMut(&T, f32)) {
         for class in &self.classes {
-            class.visit_leaves(x, |leaf, w| {
-                let mut mask = positive(&w);
+            let mut leaves = class.leaves_at::<Eight>(x);
+            while let Some(leaf) = leaves.next() {
+                let w = weights(&class.leaves[leaf], &leaves.x);
+                let mut mask = positive(w);
                 while mask != 0 {
                     let k = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
                     visit(&self.items[class.first + leaf * WIDTH + k], w[k / 4][k % 4]);
                 }
-            });
+            }
         }
     }
 
-    /// Calls `visit` for each leaf that may have an ellipsoid which covers `x`, always in the same order: with its number as in
-    /// [`Self::map_leaves`], 1 - q of its ellipsoids (not positive: outside, may be NaN), and their items, fewer than lanes in the last one.
-    #[inline]
-    pub fn visit_leaves(&self, x: Vec3, mut visit: impl FnMut(usize, Eight, &[T])) {
+    /// Lets `visitor` see each leaf that has an ellipsoid which covers `x`, always in the same order. Inlined with all that it calls: a
+    /// caller that enables vector instructions has them here.
+    #[inline(always)]
+    pub fn visit_leaves<W: Wide>(&self, x: Vec3, visitor: &mut impl LeafVisitor<T, W>) {
         for class in &self.classes {
-            let end = class.first + class.count;
-            class.visit_leaves(x, |leaf, w| {
-                let first = class.first + leaf * WIDTH;
-                visit(class.first_leaf + leaf, w, &self.items[first..(first + WIDTH).min(end)]);
-            });
+            let mut leaves = class.leaves_at::<W>(x);
+            while let Some(leaf) = leaves.next() {
+                let w = weights(&class.leaves[leaf], &leaves.x);
+                if positive(w) != 0 {
+                    let first = class.first + leaf * WIDTH;
+                    let end = (first + WIDTH).min(class.first + class.count);
+                    visitor.leaf(class.first_leaf + leaf, w, &self.items[first..end]);
+                }
+            }
         }
     }
 
@@ -220,64 +224,73 @@ impl Class {
         Class { levels, leaves, first, first_leaf, count: order.len() }
     }
 
-    #[inline]
-    fn visit_leaves(&self, x: Vec3, mut visit: impl FnMut(usize, Eight)) {
-        let top = self.levels.len() - 1;
-        // Children still to be visited, and the node they belong to, per level.
-        let mut masks = [0u32; MOST_LEVELS];
-        let mut nodes = [0usize; MOST_LEVELS];
-        let mut level = top;
-        masks[top] = covered(&self.levels[top][0], x);
+    /// The leaves whose boxes hold `x`.
+    #[inline(always)]
+    fn leaves_at<W: Wide>(&self, x: Vec3) -> Leaves<'_, W> {
+        let (x, top) = (splat3(x), self.levels.len() - 1);
+        let mut leaves = Leaves { class: self, x, level: top, masks: [0; MOST_LEVELS], nodes: [0; MOST_LEVELS] };
+        leaves.masks[top] = covered(&self.levels[top][0], &leaves.x);
+        leaves
+    }
+}
+
+/// A walk down to the leaves around a point.
+struct Leaves<'a, W> {
+    class: &'a Class,
+    x: [W; 3],
+    level: usize,
+    /// Children still to be visited, and the node they belong to, per level.
+    masks: [u32; MOST_LEVELS],
+    nodes: [usize; MOST_LEVELS],
+}
+
+impl<W: Wide> Leaves<'_, W> {
+    /// The next one, as an index.
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
         loop {
-            if masks[level] == 0 {
-                if level == top {
-                    return;
+            let mask = self.masks[self.level];
+            if mask == 0 {
+                self.level += 1;
+                if self.level == self.class.levels.len() {
+                    self.level -= 1;
+                    return None;
                 }
-                level += 1;
                 continue;
             }
-            let child = nodes[level] * WIDTH + masks[level].trailing_zeros() as usize;
-            masks[level] &= masks[level] - 1;
-            if level == 0 {
-                visit(child, weights(&self.leaves[child], x));
-            } else {
-                level -= 1;
-                nodes[level] = child;
-                masks[level] = covered(&self.levels[level][child], x);
+            let child = self.nodes[self.level] * WIDTH + mask.trailing_zeros() as usize;
+            self.masks[self.level] = mask & (mask - 1);
+            if self.level == 0 {
+                return Some(child);
             }
+            self.level -= 1;
+            self.nodes[self.level] = child;
+            self.masks[self.level] = covered(&self.class.levels[self.level][child], &self.x);
         }
     }
 }
 
-/// Children whose boxes hold `x`.
+/// Children whose boxes hold `x`, as bits.
 #[inline(always)]
-fn covered(node: &Node, x: Vec3) -> u32 {
-    let x = x.to_array().map(Vec4::splat);
-    let half = |h: usize| {
-        let inside = |axis: usize| node.lo[axis][h].cmple(x[axis]) & x[axis].cmple(node.hi[axis][h]);
-        (inside(0) & inside(1) & inside(2)).bitmask()
-    };
-    half(0) | half(1) << 4
+fn covered<W: Wide>(node: &Node, x: &[W; 3]) -> u32 {
+    let along_x = W::both(W::load(&node.lo[0]).at_most(x[0]), x[0].at_most(W::load(&node.hi[0])));
+    let along_y = W::both(W::load(&node.lo[1]).at_most(x[1]), x[1].at_most(W::load(&node.hi[1])));
+    let along_z = W::both(W::load(&node.lo[2]).at_most(x[2]), x[2].at_most(W::load(&node.hi[2])));
+    W::bits(W::both(W::both(along_x, along_y), along_z))
 }
 
 /// Lanes above 0, as bits.
 #[inline(always)]
-fn positive(w: &Eight) -> u32 {
-    let half = |w: Vec4| w.cmpgt(Vec4::ZERO).bitmask();
-    half(w[0]) | half(w[1]) << 4
+fn positive<W: Wide>(w: W) -> u32 {
+    W::bits(W::splat(0.0).below(w))
 }
 
 /// 1 - q of eight ellipsoids at `x`.
 #[inline(always)]
-fn weights(leaf: &Leaf, x: Vec3) -> Eight {
-    let x = x.to_array().map(Vec4::splat);
-    std::array::from_fn(|h| {
-        let d: [Vec4; 3] = std::array::from_fn(|axis| x[axis] - leaf.p[axis][h]);
-        let squared = |row: &[Eight; 3]| {
-            let s = row[0][h] * d[0] + row[1][h] * d[1] + row[2][h] * d[2];
-            s * s
-        };
-        let [r, s, n] = &leaf.rows;
-        Vec4::ONE - (squared(r) + squared(s) + squared(n))
-    })
+fn weights<W: Wide>(leaf: &Leaf, x: &[W; 3]) -> W {
+    let p = &leaf.p;
+    let d = [x[0].minus(W::load(&p[0])), x[1].minus(W::load(&p[1])), x[2].minus(W::load(&p[2]))];
+    let [r, s, n] = &leaf.rows;
+    let (r, s, n) = (dot(r, &d), dot(s, &d), dot(n, &d));
+    W::splat(1.0).minus(r.times(r).plus(s.times(s)).plus(n.times(n)))
 }

@@ -1,9 +1,10 @@
 //! Irradiance from leaves against the same sum photon by photon.
 
 use super::*;
+use crate::transport::eight::Eight;
 use crate::transport::footprint_kernel::{Ellipsoid, Smallest, Widths};
 use crate::transport::obstacle::{NONE, Obstacles};
-use crate::transport::photon_lanes::{Arrival, PhotonLanes};
+use crate::transport::photon_lanes::{Arrival, PhotonLanes, Query};
 use crate::transport::photon_map::NORMAL_CONE;
 use crate::transport::photon_tree::PhotonTree;
 
@@ -50,7 +51,7 @@ fn eight_at_a_time_is_one_at_a_time() {
             let normal = warp::sample_sphere([number(k, 3), number(k, 4)].into());
             for most in [3, u32::MAX] {
                 let want = brute(&e, &a, x, normal, most);
-                let got = f64::from(lanes.irradiance(&tree, &Obstacles::default(), x, normal, most).y);
+                let got = f64::from(lanes.irradiance(&tree, &Obstacles::default(), &Query { x, n: normal, most }).y);
                 assert!((got - want).abs() <= 1e-4 * want + 1e-4, "{n} {x}: {got}, not {want}");
                 lit += usize::from(want > 0.01);
             }
@@ -62,12 +63,37 @@ fn eight_at_a_time_is_one_at_a_time() {
     }
 }
 
+/// The vector units of this processor against four lanes at a time: the same bits. (Without AVX2 both are the same.)
+#[test]
+fn any_vector_units_give_the_same_bits() {
+    let (e, a) = photons(3001);
+    let tree = PhotonTree::build(&e, |i| a[i]);
+    let lanes = PhotonLanes::new(&tree);
+    let mut lit = 0;
+    for i in 0..1000 {
+        let x = e[i].p + Vec3::new(number(i as u64, 20), number(i as u64, 21), number(i as u64, 22)) * 0.05;
+        let query = Query { x, n: a[i].n, most: 4 };
+        let wide = lanes.irradiance(&tree, &Obstacles::default(), &query);
+        let narrow = lanes.sum::<Eight>(&tree, &Obstacles::default(), &query);
+        assert_eq!(wide.to_array().map(f32::to_bits), narrow.to_array().map(f32::to_bits), "{x}");
+        lit += usize::from(wide.y > 0.01);
+        // Other lanes in the sum: the comparison can tell.
+        let other = lanes.sum::<Eight>(&tree, &Obstacles::default(), &Query { most: 1, ..query });
+        assert!(other.y <= narrow.y);
+    }
+    assert!(lit > 500, "{lit}: the test sees nothing");
+}
+
 #[test]
 fn points_that_are_no_numbers_get_nothing() {
     let (e, a) = photons(100);
     let tree = PhotonTree::build(&e, |i| a[i]);
     let lanes = PhotonLanes::new(&tree);
     for x in [Vec3::NAN, Vec3::INFINITY, Vec3::new(f32::NAN, 0.5, 0.5), Vec3::splat(1e30)] {
-        assert_eq!(lanes.irradiance(&tree, &Obstacles::default(), x, Vec3::Y, u32::MAX), Rgb::ZERO, "{x}");
+        assert_eq!(
+            lanes.irradiance(&tree, &Obstacles::default(), &Query { x, n: Vec3::Y, most: u32::MAX }),
+            Rgb::ZERO,
+            "{x}"
+        );
     }
 }
