@@ -94,6 +94,8 @@ pub struct EdgeAdaptive<'a> {
     strata: Vec<Stratum>,
     /// Lights that are not cut, after the cells.
     learned: Vec<Learned<'a>>,
+    /// Where each of these begins among them: its photons and its cells.
+    begins: Vec<[usize; 2]>,
     /// Lights of few photons, after these.
     rest: Uniform<'a>,
     power: Vec<f64>,
@@ -150,7 +152,19 @@ impl<'a> EdgeAdaptive<'a> {
         };
         let rest = Uniform::with(scene, sources, settings.sequence, seed ^ 1);
         let sequence = settings.sequence;
-        let mut adaptive = EdgeAdaptive { cutters, strata, learned, rest, power, n, since: 0, seed, sequence, summary };
+        let mut adaptive = EdgeAdaptive {
+            cutters,
+            strata,
+            learned,
+            begins: Vec::new(),
+            rest,
+            power,
+            n,
+            since: 0,
+            seed,
+            sequence,
+            summary,
+        };
         adaptive.allocate(None);
         adaptive
     }
@@ -191,7 +205,19 @@ impl<'a> EdgeAdaptive<'a> {
             let count = &mut allocation.counts[learned.light() as usize];
             learned.set_count(std::mem::take(count), self.since);
         }
+        self.begin_learned();
         self.rest.set_allocation(allocation);
+    }
+
+    /// To be called when cells of lights that learn have changed.
+    fn begin_learned(&mut self) {
+        let mut end = [0; 2];
+        let add = |l: &Learned| {
+            let begin = end;
+            end = [end[0] + l.count(), end[1] + l.cells()];
+            begin
+        };
+        self.begins = self.learned.iter().map(add).collect();
     }
 
     /// The cells.
@@ -240,9 +266,21 @@ impl<'a> EdgeAdaptive<'a> {
         self.strata.last().map_or(0, |s| s.first + s.photons)
     }
 
-    /// Photons of the lights that learn.
-    fn in_learned(&self) -> usize {
-        self.learned.iter().map(Learned::count).sum()
+    /// Photons and cells of the lights that learn.
+    fn in_learned(&self) -> [usize; 2] {
+        self.begins.last().zip(self.learned.last()).map_or([0; 2], |(b, l)| [b[0] + l.count(), b[1] + l.cells()])
+    }
+
+    /// Photon `index` of those behind the cells.
+    fn emit_uncut(&self, index: usize, pass: u64) -> Option<EmittedRay> {
+        let [photons, cells] = self.in_learned();
+        let (ray, before) = if index < photons {
+            let k = self.begins.partition_point(|b| b[0] <= index) - 1;
+            (self.learned[k].emit(index - self.begins[k][0], pass)?, self.begins[k][1])
+        } else {
+            (self.rest.emit(index - photons, pass)?, cells)
+        };
+        Some(EmittedRay { stratum: ray.stratum + (self.strata.len() + before) as u32, ..ray })
     }
 }
 
@@ -273,22 +311,13 @@ fn photon_width(s: &Stratum) -> [f64; 4] {
 
 impl EmissionDensity for EdgeAdaptive<'_> {
     fn count(&self) -> usize {
-        self.in_cells() + self.in_learned() + self.rest.count()
+        self.in_cells() + self.in_learned()[0] + self.rest.count()
     }
 
     fn emit(&self, index: usize, pass: u64) -> Option<EmittedRay> {
         let cells = self.in_cells();
         if index >= cells {
-            let (mut index, mut strata) = (index - cells, self.strata.len());
-            let place = |ray: EmittedRay, strata: usize| EmittedRay { stratum: ray.stratum + strata as u32, ..ray };
-            for learned in &self.learned {
-                if index < learned.count() {
-                    return learned.emit(index, pass).map(|ray| place(ray, strata));
-                }
-                index -= learned.count();
-                strata += learned.cells();
-            }
-            return self.rest.emit(index, pass).map(|ray| place(ray, strata));
+            return self.emit_uncut(index - cells, pass);
         }
         let id = self.strata.partition_point(|s| s.first <= index) - 1;
         let s = &self.strata[id];
@@ -308,21 +337,23 @@ impl EmissionDensity for EdgeAdaptive<'_> {
     }
 
     fn learners(&self) -> Range<usize> {
-        self.in_cells()..self.in_cells() + self.in_learned()
+        self.in_cells()..self.in_cells() + self.in_learned()[0]
     }
 
     fn note(&mut self, arrived: &[Arrival], pass: u64) {
         let mut first = self.in_cells();
         for learned in &mut self.learned {
-            let own = first..first + learned.count();
-            let arrived = arrived.iter().filter(|a| own.contains(&a.index));
-            learned.note(arrived.map(|a| Arrival { index: a.index - first, ..*a }), pass);
-            first = own.end;
+            // They come in order of their indices.
+            let end = first + learned.count();
+            let own = arrived.partition_point(|a| a.index < first)..arrived.partition_point(|a| a.index < end);
+            learned.note(arrived[own].iter().map(|a| Arrival { index: a.index - first, ..*a }), pass);
+            first = end;
         }
     }
 
     fn follow(&mut self, pass: u64) {
         self.learned.iter_mut().for_each(|learned| learned.follow(pass));
+        self.begin_learned();
     }
 
     fn set_light_weights(&mut self, learned: &[f32], pass: u64) {
