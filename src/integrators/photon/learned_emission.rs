@@ -17,7 +17,7 @@ const ROUNDS: u64 = 3;
 /// Part of a round's photons whose arrival ends the pilot.
 const ENOUGH: f64 = 0.1;
 /// Separates the random numbers of the pilot from those of the passes.
-const STREAM: u64 = 0x7069_6c6f_74; // "pilot"
+const STREAM: u64 = 0x0070_696c_6f74; // "pilot"
 
 /// Some photons of a density.
 struct Part<'a> {
