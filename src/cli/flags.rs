@@ -43,7 +43,7 @@ pub struct PhotonArgs {
     /// Photons per pass for the global map; K and M suffixes are understood [default: 100K].
     #[arg(long, value_parser = options::positive)]
     pub photons: Option<u64>,
-    /// Photons per pass for caustics [default: as many as pixels, within 33K and 262K].
+    /// Photons per pass for caustics [default: what the picture is worth, at most as many as pixels, within 33K and 262K].
     #[arg(long, value_parser = options::positive)]
     pub caustic_photons: Option<u64>,
     /// Start from the irradiance cache in this file, made by --save-cache for the same shapes and materials: records are added where

@@ -100,6 +100,8 @@ pub struct EdgeAdaptive<'a> {
     rest: Uniform<'a>,
     power: Vec<f64>,
     n: usize,
+    /// What lights have achieved, once that is known.
+    achieved: Option<Vec<f32>>,
     /// First pass of the present counts.
     since: u64,
     seed: u64,
@@ -160,28 +162,41 @@ impl<'a> EdgeAdaptive<'a> {
             rest,
             power,
             n,
+            achieved: None,
             since: 0,
             seed,
             sequence,
             summary,
         };
-        adaptive.allocate(None);
+        adaptive.allocate();
         adaptive
     }
 
     /// As [`Uniform::set_light_weights`], from pass `pass` on: lights are given photons by what they achieved, cells keep their part of
     /// their light and go on with their own sequence.
     pub fn set_light_weights(&mut self, learned: &[f32], pass: u64) {
+        self.achieved = Some(learned.to_vec());
+        self.renew(pass);
+    }
+
+    /// About `n` photons a pass from pass `pass` on, one in each cell at least. The partition stays as it is.
+    pub fn set_count(&mut self, n: usize, pass: u64) {
+        self.n = n;
+        self.renew(pass);
+    }
+
+    /// Other counts from pass `pass` on.
+    fn renew(&mut self, pass: u64) {
         for s in &mut self.strata {
             s.drawn += pass.saturating_sub(self.since) * s.photons as u64;
         }
         self.since = pass;
         self.rest.renew_numbers();
-        self.allocate(Some(learned));
+        self.allocate();
     }
 
-    fn allocate(&mut self, learned: Option<&[f32]>) {
-        let weights = light_weights(self.power.clone(), learned);
+    fn allocate(&mut self) {
+        let weights = light_weights(self.power.clone(), self.achieved.as_deref());
         let mut allocation = Allocation::new(&weights, self.n);
         let mut first = 0;
         let mut begin = 0;
@@ -358,6 +373,10 @@ impl EmissionDensity for EdgeAdaptive<'_> {
 
     fn set_light_weights(&mut self, learned: &[f32], pass: u64) {
         EdgeAdaptive::set_light_weights(self, learned, pass);
+    }
+
+    fn set_count(&mut self, n: usize, pass: u64) {
+        EdgeAdaptive::set_count(self, n, pass);
     }
 
     fn density_map(&self, light: u32, size: usize) -> Option<DensityMap> {

@@ -115,6 +115,11 @@ pub trait EmissionDensity: Sync {
         let _ = pass;
     }
 
+    /// Gives a pass about `n` photons, from pass `pass` on. To be called between passes only, at fixed ones. Densities with a fixed number ignore it.
+    fn set_count(&mut self, n: usize, pass: u64) {
+        let _ = (n, pass);
+    }
+
     /// A picture of the density of a light, faces of `size` x `size` pixels; `None` if it is the natural one.
     fn density_map(&self, light: u32, size: usize) -> Option<DensityMap> {
         let _ = (light, size);

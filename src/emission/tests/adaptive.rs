@@ -220,3 +220,27 @@ fn learned_weights_move_photons_between_lights_and_not_flux() {
     let (mean, _) = moments(&adaptive, 4, &|r| f64::from(r.flux.y));
     assert!((mean / power - 1.0).abs() < 1e-4, "{mean} {power}");
 }
+
+/// Other numbers of photons: cells share them anew, each keeps one, and the flux stays the power of the light.
+#[test]
+fn the_number_of_photons_may_change_between_passes() {
+    let scene = shadow_scene(0);
+    let accel = Accel::new(&scene.shapes);
+    let mut adaptive = EdgeAdaptive::new(&scene, &accel, 2000, &Settings::default(), 3);
+    let power = f64::from(scene.lights.infos[0].power.y);
+    let cells = adaptive.strata().len();
+    let drawn =
+        |d: &EdgeAdaptive, pass: u64| -> Vec<EmittedRay> { (0..d.count()).filter_map(|i| d.emit(i, pass)).collect() };
+    let first = drawn(&adaptive, 0);
+    for (pass, n) in [(1, 8000), (2, 1000), (4, 10)] {
+        adaptive.set_count(n, pass);
+        // One photon for each cell at least, whatever is asked for.
+        let wanted = n.max(cells);
+        assert!(adaptive.count().abs_diff(wanted) <= wanted / 100, "{n}: {}", adaptive.count());
+        let flux = (pass..pass + 20).map(|p| sum(&adaptive, p, &|r| f64::from(r.flux.y))).sum::<f64>() / 20.0;
+        assert!((flux / power - 1.0).abs() < 0.01, "{n}: {flux}, not {power}");
+        // Each stratum goes on with its sequence: no photon comes twice.
+        let again = drawn(&adaptive, pass).iter().filter(|r| first.iter().any(|f| f.d == r.d && f.o == r.o)).count();
+        assert_eq!(again, 0, "{n}");
+    }
+}

@@ -1,16 +1,17 @@
 //! Caustic photons of each pass: where they start, how many there are.
 
+use super::caustic_count::{Counts, Found};
 use super::learned_emission;
 use super::learned_lights::LearnedLights;
 use super::settings::{Emission, PhotonSettings};
 use crate::emission::{self, DensityMap, EdgeAdaptive, EmissionDensity, Sequence, Uniform};
 use crate::scene::material::has_sharp_lobe;
 use crate::transport::photon::{Photon, PhotonClass};
-use crate::transport::photon_map::PhotonSettings as MapSettings;
+use crate::transport::photon_map::{Kernel, PhotonSettings as MapSettings};
 use crate::transport::photon_walk::{Goal, trace};
 use crate::transport::{CausticMap, NEARLY_SPECULAR_ALPHA, World};
 
-/// Photons of a pass, if nothing is said: as many as pixels, within these bounds.
+/// Most photons of a pass, if nothing is said: as many as pixels, within these bounds.
 const AUTOMATIC: [usize; 2] = [1 << 15, 1 << 18];
 
 /// Emission and kernels of caustic photons.
@@ -22,9 +23,24 @@ pub struct Caustics<'a> {
     learned: Option<LearnedLights>,
     /// Photons emitted in all passes so far, those that only taught included.
     emitted: u64,
+    /// Numbers of photons that the picture decides; `None`: always the same.
+    counts: Option<Counts>,
 }
 
 impl<'a> Caustics<'a> {
+    /// As [`Self::new`], with as many photons in a pass as the rest of the picture is worth, where nothing is said of them.
+    pub fn weighed(world: World<'a>, settings: &PhotonSettings, pixels: usize) -> Option<Self> {
+        let others = settings.parts.direct || settings.parts.indirect;
+        let footprints = matches!(settings.kernel, Kernel::Footprint { .. });
+        let free = settings.caustic_photons.is_none() && settings.emission == Emission::Adaptive;
+        if !(free && footprints && others) {
+            return Self::new(world, settings, pixels);
+        }
+        let counts = Counts::new(pixels.clamp(AUTOMATIC[0], AUTOMATIC[1]), pixels);
+        let first = PhotonSettings { caustic_photons: Some(counts.first() as u64), ..*settings };
+        Some(Caustics { counts: Some(counts), ..Self::new(world, &first, pixels)? })
+    }
+
     /// `None` where there can be no caustic, or none is to be shown: without lights or nearly specular surfaces.
     pub fn new(world: World<'a>, settings: &PhotonSettings, pixels: usize) -> Option<Self> {
         let scene = world.scene;
@@ -48,7 +64,26 @@ impl<'a> Caustics<'a> {
             }
         };
         let learned = (settings.emission == Emission::Adaptive).then(LearnedLights::default);
-        Some(Caustics { world, density, map: settings.map(), learned, emitted: 0 })
+        Some(Caustics { world, density, map: settings.map(), learned, counts: None, emitted: 0 })
+    }
+
+    /// Gets ready for pass `pass`. To be called for one after the other.
+    pub fn begin(&mut self, pass: u64) {
+        if let Some(n) = self.counts.as_ref().and_then(|counts| counts.changed_in(pass)) {
+            self.density.set_count(n, pass);
+        }
+    }
+
+    /// Whether the number of photons waits for [`Self::learn_counts`], behind pass 1.
+    pub fn is_weighed(&self) -> bool {
+        self.counts.is_some()
+    }
+
+    /// Takes note of what the maps of the first two passes tell.
+    pub fn learn_counts(&mut self, found: Found) {
+        if let Some(counts) = &mut self.counts {
+            counts.learn(found);
+        }
     }
 
     /// Photons emitted for all maps so far, those that only taught where to start included.
@@ -90,7 +125,6 @@ mod tests {
     use crate::formats::{LoadOptions, mitsuba_xml::load_text};
     use crate::math::Vec3;
     use crate::scene::Scene;
-    use crate::transport::photon_map::Kernel;
     use std::path::Path;
 
     /// A glass ball over a floor under one lamp; another one of the same power shines into a black ball, which the partition

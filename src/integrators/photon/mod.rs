@@ -13,6 +13,7 @@
 //! Verified by tests/photon.rs (agreement with `path`, furnace, determinism), tests/references.rs
 
 mod allocate;
+mod caustic_count;
 pub(super) mod caustics;
 mod eye;
 mod global;
@@ -25,6 +26,7 @@ mod settings;
 
 pub use settings::{Antialiasing, Emission, Indirect, Parts, PhotonSettings};
 
+use self::caustic_count::Found;
 use self::caustics::Caustics;
 use self::eye::Eye;
 use self::global::Global;
@@ -79,7 +81,7 @@ impl<'a> Photon<'a> {
         let by_photons = settings.indirect == Indirect::Photons && settings.parts.indirect && bounces;
         let global = by_photons.then(|| Global::new(world, &settings)).flatten();
         let direct = Direct::new(world, DirectSettings { diffuse_environment: !sky, ..settings.direct });
-        let caustics = Caustics::new(world, &settings, window[2] as usize * window[3] as usize);
+        let caustics = Caustics::weighed(world, &settings, window[2] as usize * window[3] as usize);
         let (map, global_map) = (None, None);
         Photon {
             world,
@@ -114,6 +116,19 @@ impl<'a> Photon<'a> {
             self.direct.give_up_verdicts();
         }
         self.direct.set_samples(samples);
+    }
+
+    /// Finds out how many caustic photons the picture is worth, from the map before and the present one.
+    fn weigh_caustics(&mut self, before: Option<CausticMap>) {
+        if !self.caustics.as_ref().is_some_and(Caustics::is_weighed) {
+            return;
+        }
+        let present = self.eye();
+        let before = Eye { caustics: before.as_ref(), ..self.eye() };
+        let found = Found::new([&before, &present], self.window, self.settings.seed);
+        if let Some(caustics) = &mut self.caustics {
+            caustics.learn_counts(found);
+        }
     }
 
     fn eye(&self) -> Eye<'_> {
@@ -156,11 +171,18 @@ impl Integrator for Photon<'_> {
             }
             _ => {}
         }
-        self.map = self.caustics.as_mut().map(|c| c.map(pass));
+        let before = self.map.take();
+        if let Some(caustics) = &mut self.caustics {
+            caustics.begin(pass);
+            self.map = Some(caustics.map(pass));
+        }
         self.global_map = self.global.as_ref().map(|g| g.map(pass));
         self.emitted += self.global.as_ref().map_or(0, Global::count);
         if let Some(cache) = &mut self.cache {
             cache.renew(pass, self.map.as_ref(), over);
+        }
+        if pass == 1 && !over() {
+            self.weigh_caustics(before);
         }
         let adaptive = self.settings.direct.sampling == LightSampling::Adaptive;
         if pass == 0 && adaptive && self.settings.adaptive_light_samples {

@@ -61,7 +61,8 @@ pub struct PhotonSettings {
     pub antialiasing: Antialiasing,
     /// Photons per pass for the global map; `None`: 100,000.
     pub photons: Option<u64>,
-    /// Photons per pass for caustics; `None`: as many as pixels, but within 32,768 and 262,144.
+    /// Photons per pass for caustics; `None`: at most as many as pixels, but within 32,768 and 262,144, and as many of them as
+    /// the rest of the picture is worth.
     pub caustic_photons: Option<u64>,
     /// How radiance is estimated from photons.
     pub kernel: Kernel,

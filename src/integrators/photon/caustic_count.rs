@@ -1,0 +1,193 @@
+//! How many caustic photons a pass gets: as many as the rest of the picture is worth.
+//!
+//! After N passes of s camera samples and n photons each the picture has the squared error and the cost
+//!
+//! ```text
+//! V pixels / (N s) + e(n),  e(n) = e_1 n_1 / n        N (s + n)
+//! ```
+//!
+//! V: relative variance of a camera sample but for that of photon maps; e: relative squared error of a map. Noise of maps falls with the passes as
+//! well, their blur hardly does, so that e is held against what N passes leave of the noise of samples. The product is least for
+//!
+//! ```text
+//! n = s sqrt(N e_1 n_1 / (V pixels))                                                 (1)
+//! ```
+//!
+//! A photon is traced, sorted and asked for in the time of a camera sample (cornell-spheres, caustic-ring: 3.5 us each).
+//! e_1 is what two maps differ by: the first pass has [`FIRST`] of the most photons, the second one half of that ([`Counts`]), n_1. Noise of both is in it,
+//! and of the blur, which doubles from one to the other, half. Few pixels are looked at, by the same random numbers with
+//! both maps; errors are relative as [`crate::image::metric`] counts them, and those of a pixel bounded: outliers must not decide.
+//! Source      the allocation among two sources of error (Neyman 1934), with a cost of each; the estimate from two maps is ours
+//! Bias        none of its own: other random numbers than the picture's, and photons share their light whatever their number
+//! Not handled noise of the irradiance cache: it counts as none, which asks for more photons
+//! Verified by `tests`
+
+use super::eye::Eye;
+use crate::integrators::Counts as Counted;
+use crate::math::{Sampler, Vec2, luminance};
+use rayon::prelude::*;
+
+/// Photons of the first pass, as a share of the most, but [`LEAST`] at least.
+const FIRST: f64 = 0.125;
+const LEAST: usize = 1 << 14;
+/// Camera samples of a pass for each pixel, as adaptive sampling takes them.
+const SAMPLES: f64 = 1.5;
+/// Pixels that are looked at.
+const PIXELS: u64 = 512;
+/// First of the streams of random numbers.
+const STREAM: u64 = 0x00ca_0571;
+/// Share of the mean luminance to which errors are relative in darker places.
+const DARK: f64 = 0.1;
+/// Most that one pixel counts.
+const OUTLIER: f64 = 1.0;
+
+/// Photons of each pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Counts {
+    most: usize,
+    first: usize,
+    pixels: usize,
+    found: Option<Found>,
+}
+
+/// What two maps and the samples of a few pixels tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Found {
+    /// e_1: mean squared relative difference of the maps.
+    pub map: f64,
+    /// V.
+    pub sample: f64,
+}
+
+impl Counts {
+    /// At most `most` photons for a picture of so many pixels.
+    pub fn new(most: usize, pixels: usize) -> Self {
+        let first = ((most as f64 * FIRST) as usize).max(LEAST).min(most);
+        Counts { most, first, pixels, found: None }
+    }
+
+    /// Photons of the first pass.
+    pub fn first(&self) -> usize {
+        self.first
+    }
+
+    /// Photons from pass `pass` on; `None`: as before. Few passes change the number: sequences of random numbers start anew with it.
+    pub fn changed_in(&self, pass: u64) -> Option<usize> {
+        match pass {
+            1 => Some(self.first / 2),
+            _ if pass.is_power_of_two() => Some(self.found.map_or(self.most, |found| self.best(found, pass + 1))),
+            _ => None,
+        }
+    }
+
+    /// Equation 1 for the `passes`-th pass, within bounds.
+    fn best(&self, found: Found, passes: u64) -> usize {
+        let (s, n1) = (SAMPLES * self.pixels as f64, self.first as f64 / 2.0);
+        let n = s * (passes as f64 * found.map * n1 / (found.sample * self.pixels as f64)).sqrt();
+        // Without noise of samples the quotient is infinite, or no number where maps do not differ either.
+        if n.is_nan() { self.first } else { (n as usize).clamp(self.first, self.most) }
+    }
+
+    /// Takes note of what was found out.
+    pub fn learn(&mut self, found: Found) {
+        self.found = Some(found);
+    }
+}
+
+impl Found {
+    /// Looks at pixels of `window` (x, y, width, height) with the maps of the first pass and of the second.
+    pub fn new([first, second]: [&Eye; 2], window: [u32; 4], seed: u64) -> Self {
+        let [x, y, width, height] = window.map(|v| v as f32);
+        let look = |k: u64| {
+            let mut rng = Sampler::new(seed, STREAM, k);
+            let pixel = (Vec2::new(x, y) + rng.next_2d() * Vec2::new(width, height)).floor();
+            let sample = |eye: &Eye, stream: u64| {
+                let mut rng = Sampler::new(seed, STREAM + stream, k);
+                let (at, lens) = (rng.next_2d(), rng.next_2d());
+                let ray = eye.world.scene.camera.ray(pixel + at, lens);
+                f64::from(luminance(eye.sample(&ray, &mut rng, &mut Counted::default()).0))
+            };
+            [sample(first, 1), sample(second, 1), sample(second, 2)]
+        };
+        let looks: Vec<[f64; 3]> = (0..PIXELS).into_par_iter().map(look).collect();
+        found(&looks)
+    }
+}
+
+/// What samples of pixels tell: by the first map, by the second with the same numbers, by the second with others.
+fn found(looks: &[[f64; 3]]) -> Found {
+    // Samples that are no numbers are the film's concern.
+    let looks: Vec<&[f64; 3]> = looks.iter().filter(|l| l.iter().all(|v| v.is_finite())).collect();
+    let count = looks.len().max(1) as f64;
+    let mean = looks.iter().map(|l| 0.5 * (l[1] + l[2])).sum::<f64>() / count;
+    let relative = |d: f64, [_, a, b]: &[f64; 3]| {
+        let of = 0.25 * (a + b) * (a + b) + (DARK * mean) * (DARK * mean);
+        if of > 0.0 { (d * d / of).min(OUTLIER) } else { 0.0 }
+    };
+    Found {
+        map: looks.iter().map(|l| relative(l[0] - l[1], l)).sum::<f64>() / count,
+        sample: looks.iter().map(|l| 0.5 * relative(l[1] - l[2], l)).sum::<f64>() / count,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_number_is_where_error_times_cost_is_least() {
+        let counts = Counts::new(1 << 18, 1 << 18);
+        let (pixels, n1) = (f64::from(1 << 18), counts.first as f64 / 2.0);
+        for (map, sample) in [(1e-3, 3e-3), (1e-3, 1e-2), (1e-2, 4e-2), (3e-4, 2e-3)] {
+            for passes in [3, 9] {
+                let s = SAMPLES * pixels;
+                let badness = |n: usize| {
+                    let n = n as f64;
+                    (sample * pixels / (passes as f64 * s) + map * n1 / n) * (s + n)
+                };
+                let n = counts.best(Found { map, sample }, passes);
+                assert!(counts.first < n && n < counts.most, "{map} {sample}: {n} is a bound, and tells nothing");
+                let near = [n * 9 / 10, n * 11 / 10].map(badness);
+                assert!(badness(n) < near[0] && badness(n) < near[1], "{map} {sample} {passes}: {n}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_nothing_is_within_bounds() {
+        let counts = Counts::new(100_000, 100_000);
+        let best = |map, sample| counts.best(Found { map, sample }, 4);
+        assert_eq!((best(0.0, 1.0), best(0.0, 0.0), best(1.0, 0.0)), (counts.first, counts.first, counts.most));
+        assert_eq!((counts.first, Counts::new(1000, 50).first), (1 << 14, 1000));
+    }
+
+    #[test]
+    fn passes_grow_only_as_far_as_the_maps_are_worth() {
+        let mut counts = Counts::new(1 << 18, 1 << 18);
+        assert_eq!((counts.changed_in(1), counts.changed_in(3)), (Some(counts.first / 2), None));
+        // Before anything is known there are as many as there may be.
+        assert_eq!(counts.changed_in(2), Some(1 << 18));
+        counts.learn(Found { map: 1e-3, sample: 1e-2 });
+        let [a, b, c] = [2, 4, 8].map(|p| counts.changed_in(p).unwrap());
+        assert!(a < b && b < c && c < 1 << 18, "{a} {b} {c}");
+        counts.learn(Found { map: 1e-8, sample: 1e-2 });
+        assert_eq!([2, 4, 8].map(|p| counts.changed_in(p)), [Some(counts.first); 3]);
+    }
+
+    #[test]
+    fn noise_of_maps_is_told_from_that_of_samples() {
+        let mut looks = Vec::new();
+        for k in 0..4000 {
+            let [a, b, c, d] = Sampler::new(3, 0, k).next_4d().map(|u| f64::from(u) - 0.5);
+            // Uniform numbers of variance 1/12 on a mean of 1: 0.1 of them by each map, 0.3 by samples.
+            looks.push([1.0 + 0.1 * a + 0.3 * c, 1.0 + 0.1 * b + 0.3 * c, 1.0 + 0.1 * b + 0.3 * d]);
+        }
+        let seen = found(&looks);
+        assert!((seen.map / (2.0 * 0.01 / 12.0) - 1.0).abs() < 0.06, "{seen:?}");
+        assert!((seen.sample / (0.09 / 12.0) - 1.0).abs() < 0.06, "{seen:?}");
+        looks.extend([[f64::NAN, 1.0, 1.0], [1e9, 1.0, 1.0]]);
+        let with = found(&looks);
+        assert!(with.map - seen.map < 2.0 * OUTLIER / 4000.0 && with.map > seen.map);
+        assert_eq!(found(&[]), Found::default());
+    }
+}
