@@ -1,7 +1,7 @@
 //! The kernel for x86 processors with AVX2, chosen at run time.
 //!
 //! Same operations in the same order as `portable`, eight boxes or four triangles at a time. No fused multiply-add: the
-//! results are equal bit for bit. This is the only file of the crate with `unsafe`.
+//! results are equal bit for bit.
 
 use super::footprint::{self, Beam, Visitor};
 use super::layout::Tree;

@@ -79,17 +79,23 @@ fn normalise(weights: &mut [f64]) {
 impl Allocation {
     /// `n` photons for lights of these weights, which sum to 1 (or are all 0: no photons). One more than `n` is possible.
     pub fn new(weights: &[f64], n: usize) -> Self {
+        Self::keeping(weights, n, |_| false)
+    }
+
+    /// The same, but lights for which `own` holds never belong to the tail: they get a photon at least if they have a weight.
+    pub fn keeping(weights: &[f64], n: usize, own: impl Fn(usize) -> bool) -> Self {
         let mut a = Allocation { counts: vec![0; weights.len()], ..Self::default() };
         if n == 0 || !(weights.iter().sum::<f64>() > 0.0) {
             return a;
         }
         // Rounding of weights must not send an even share to the tail.
-        let large = |w: f64| w * n as f64 >= 1.0 - 1e-9;
-        let tail: f64 = weights.iter().filter(|w| !large(**w)).sum();
+        let large = |light: usize| weights[light] * n as f64 >= 1.0 - 1e-9 || weights[light] > 0.0 && own(light);
+        let faint = || weights.iter().enumerate().filter(|(light, w)| !large(*light) && **w > 0.0);
+        let tail: f64 = faint().map(|(_, w)| w).sum();
         if tail > 0.0 {
             a.tail = ((tail * n as f64).round() as usize).max(1);
             let mut run = 0.0;
-            for (light, w) in weights.iter().enumerate().filter(|(_, w)| !large(**w) && **w > 0.0) {
+            for (light, w) in faint() {
                 run += w / tail;
                 a.tail_lights.push(light as u32);
                 a.tail_cdf.push(run);
@@ -98,7 +104,7 @@ impl Allocation {
                 *last = 1.0;
             }
         }
-        let lights: Vec<usize> = (0..weights.len()).filter(|&l| large(weights[l])).collect();
+        let lights: Vec<usize> = (0..weights.len()).filter(|&l| large(l)).collect();
         let shares: Vec<f64> = lights.iter().map(|&l| weights[l] / (1.0 - tail).max(1e-300)).collect();
         let most = n.saturating_sub(a.tail).max(lights.len());
         for (&light, count) in lights.iter().zip(apportion(&shares, most)) {
@@ -255,6 +261,10 @@ mod tests {
             seen[light as usize] += 1;
         }
         assert!(seen[1..].iter().all(|&s| s == 10));
+        // Those that are kept out of it have one for sure, and are not among those that share.
+        let kept = Allocation::keeping(&weights, 150, |light| light % 2 == 1);
+        assert_eq!((kept.counts[0], kept.counts[1], kept.counts[2], kept.tail), (62, 1, 0, 38));
+        assert!(kept.tail_lights.iter().all(|light| light % 2 == 0) && kept.tail_lights.len() == 50, "{kept:?}");
         // All equal and too few photons: nobody has one for sure.
         let even = Allocation::new(&[0.25; 4], 2);
         assert_eq!((even.total(), even.tail), (2, 2));

@@ -9,7 +9,7 @@
 //! With n_c photons in cell c the squared error of a pass goes with sum_c volume_c^2 E_c / n_c, which is least for n_c in proportion to
 //! volume_c sqrt(E_c) (Neyman 1934); the tree is cut where that sum becomes least, as MISER cuts by variance. Estimates are shrunk towards
 //! those of the parent, so that a cell of which few photons were tried is not taken for empty because none of them arrived. Photons are
-//! uniform within a leaf, so that a part of its volume has had that part of the tries; leaves are cut and never joined.
+//! uniform within a leaf, so that a part of its volume has had that part of the tries. Leaves are joined only where there are too few photons for them.
 //! Source: Press & Farrar 1990 (MISER); Vorba et al. 2014 and Mueller et al. 2017 for densities that are learned while rendering.
 //! Not handled: the covariance of places on what is lit: a photon counts alike wherever it arrives.
 //! Verified by `tests/learned.rs`.
@@ -102,6 +102,11 @@ impl ArrivalTree {
         &self.roots
     }
 
+    /// Number of leaves.
+    pub fn leaves(&self) -> usize {
+        self.leaves.len()
+    }
+
     /// Root and corners of a leaf.
     pub fn bounds(&self, leaf: usize) -> (usize, [[f64; 4]; 2]) {
         let node = &self.nodes[self.leaves[leaf]];
@@ -150,6 +155,10 @@ impl ArrivalTree {
             leaves += 1;
             heap.extend((first..first + 2).filter_map(|child| key(&self.nodes[child], child)));
         }
+        self.collect_leaves();
+    }
+
+    fn collect_leaves(&mut self) {
         self.leaves.clear();
         let mut waiting: Vec<usize> = (0..self.roots.len()).rev().collect();
         while let Some(i) = waiting.pop() {
@@ -158,6 +167,35 @@ impl ArrivalTree {
                 first => waiting.extend([first + 1, first]),
             }
         }
+    }
+
+    /// Joins leaves until there are `most`, or one for each root: those that were cut last first.
+    pub fn join(&mut self, most: usize) {
+        let mut leaves = self.leaves.len();
+        // Children come behind their parents: the last node with children has leaves for children.
+        for i in (0..self.nodes.len()).rev() {
+            if leaves <= most {
+                break;
+            }
+            let first = std::mem::take(&mut self.nodes[i].children);
+            if first == 0 {
+                continue;
+            }
+            let part = self.nodes[first].volume() / self.nodes[i].volume();
+            let [a, b] = [first, first + 1].map(|child| {
+                let node = &mut self.nodes[child];
+                // Photons of the two are not of one density: what cuts are made by has to be found anew.
+                node.arrived = Vec::new();
+                [node.tries, node.stored, node.energy]
+            });
+            // Means over the volume, as if the tries had been spread evenly.
+            let tries = a[0] + b[0];
+            let mean = |k: usize| part * a[k] / a[0].max(1.0) + (1.0 - part) * b[k] / b[0].max(1.0);
+            let node = &mut self.nodes[i];
+            (node.tries, node.stored, node.energy) = (tries, tries * mean(1), tries * mean(2));
+            leaves -= 1;
+        }
+        self.collect_leaves();
     }
 
     /// Axis and part of its width of the cut that saves most; the middle of the widest axis where arrivals do not tell.

@@ -43,6 +43,8 @@ pub const LEAST: usize = 32;
 pub struct Settings<'s> {
     /// Shapes that photons are wanted on as their first hit; `None`: anywhere.
     pub interest: Option<&'s dyn Fn(u32) -> bool>,
+    /// Photons that later passes may have; 0: as many as the first. A light is cut, or learns, if it may expect [`LEAST`] of them.
+    pub later: usize,
     /// Cells, at most; 0: half as many as photons, 16384 at most.
     pub cells: usize,
     /// sigma_s: weight of flux in cells without event, relative to that in cells with one.
@@ -66,7 +68,7 @@ pub const LINEARITY: f64 = 1.0;
 impl Default for Settings<'_> {
     fn default() -> Self {
         let (cut, linearity, sequence) = (Cut::default(), LINEARITY, Sequence::OwenSobol);
-        Settings { interest: None, cells: 0, smooth: 0.3, cut, linearity, sequence }
+        Settings { interest: None, later: 0, cells: 0, smooth: 0.3, cut, linearity, sequence }
     }
 }
 
@@ -126,7 +128,9 @@ impl<'a> EdgeAdaptive<'a> {
                 *power *= if area > 0.0 { source.area() / area } else { 1.0 };
             }
         }
-        let cut = |light: usize| power[light] * n as f64 >= LEAST as f64 * total;
+        // Photons are shared by what is left of the lights.
+        let (left, most) = (power.iter().sum::<f64>(), n.max(settings.later) as f64);
+        let cut = |light: usize| power[light] * most >= LEAST as f64 * left && left > 0.0;
         let cutters: Vec<_> =
             sources.iter().enumerate().map(|(i, s)| cut(i).then(|| Cutter::new(scene, s.clone())).flatten()).collect();
         let reach = f64::from(scene.bounds.1);
@@ -197,7 +201,10 @@ impl<'a> EdgeAdaptive<'a> {
 
     fn allocate(&mut self) {
         let weights = light_weights(self.power.clone(), self.achieved.as_deref());
-        let mut allocation = Allocation::new(&weights, self.n);
+        // What has photons of its own must not share those of the tail: it would be emitted twice.
+        let mut own: Vec<bool> = self.cutters.iter().map(Option::is_some).collect();
+        self.learned.iter().for_each(|l| own[l.light() as usize] = true);
+        let mut allocation = Allocation::keeping(&weights, self.n, |light| own[light]);
         let mut first = 0;
         let mut begin = 0;
         while begin < self.strata.len() {

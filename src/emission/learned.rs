@@ -10,8 +10,8 @@
 //! An environment's photons are spread over all directions and a disk as wide as all shapes of interest: through the windows of a room
 //! few in a thousand get where they are wanted. Which do is a property of small parts of primary-sample space, and these are learned: photons of
 //! one pass teach the next ones, and none decides about its own weight, which would bias the estimate (METHODS 3.B, "pilot
-//! reuse"). Every cell has a photon at least, and a [`FLOOR`] of them goes by flux: nothing starves, and no photon carries more than
-//! 1 / FLOOR times that of uniform emission. Numbers are an Owen-scrambled Sobol sequence per cell, a new one whenever cells are cut anew.
+//! reuse"). Every cell has a photon at least, and a [`FLOOR`] of them goes by flux: nothing starves, and with [`PER_CELL`] photons a cell none
+//! carries more than 2 / FLOOR times that of uniform emission: where photons become few, cells are joined. Numbers are an Owen-scrambled Sobol sequence per cell, a new one whenever cells are cut anew.
 //! Source: Jensen 1995 and Peter & Pietrek 1998 (emission where importance is found), with strata of Press & Farrar 1990 in place of their maps:
 //! MISER, Neyman's allocation. Measure: volume of primary-sample space, whose natural density is that of the flux ([`Source`]).
 //! Bias: none.
@@ -123,6 +123,10 @@ impl<'a> Learned<'a> {
         self.strata.clear();
         if self.wanted == 0 {
             return;
+        }
+        // A photon for each cell must leave most of them free.
+        if 2 * self.tree.leaves() > self.wanted {
+            self.tree.join(self.wanted / PER_CELL);
         }
         let weights = self.tree.weights();
         let (sum, kept): (f64, f64) = (weights.iter().sum(), self.kept());

@@ -19,6 +19,8 @@ const MOST: usize = 48;
 const WORTH: f64 = 0.8;
 /// Clusters of less than this part of the radius of all are not divided, nor those that come from so many divisions.
 const SMALL: f64 = 0.02;
+/// Parts that a mesh is taken for, at most: consecutive triangles, which mostly are neighbours.
+const MOST_PARTS: usize = 1 << 16;
 const DEEPEST: u32 = 24;
 
 /// A sphere round a cluster.
@@ -32,7 +34,7 @@ pub(super) struct Target {
     pub curved: f64,
 }
 
-/// A triangle or an analytic shape.
+/// Some triangles, or an analytic shape.
 #[derive(Clone, Copy)]
 struct Part {
     lo: DVec3,
@@ -43,6 +45,15 @@ struct Part {
     turn: [f64; 6],
 }
 
+impl Part {
+    /// Both.
+    fn and(self, other: Part) -> Part {
+        let (lo, hi) = (self.lo.min(other.lo), self.hi.max(other.hi));
+        let turn = std::array::from_fn(|k| self.turn[k] + other.turn[k]);
+        Part { lo, hi, round: 0.5 * (hi - lo).length(), turn }
+    }
+}
+
 fn outer(n: DVec3, area: f64) -> [f64; 6] {
     [n.x * n.x, n.y * n.y, n.z * n.z, n.x * n.y, n.x * n.z, n.y * n.z].map(|x| x * area)
 }
@@ -51,13 +62,18 @@ fn parts(scene: &Scene, wanted: &[bool]) -> Vec<Part> {
     let mut parts = Vec::new();
     for (shape, _) in scene.shapes.iter().zip(wanted).filter(|(_, w)| **w) {
         if let Geometry::Mesh(mesh) = &shape.geometry {
-            parts.extend((0..mesh.triangles.len() as u32).map(|t| {
+            let triangle = |t: u32| {
                 let [a, b, c] = mesh.corners(t).map(|p| p.as_dvec3());
                 let n = (b - a).cross(c - a);
                 let area = 0.5 * n.length();
                 let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
                 Part { lo, hi, round: 0.5 * (hi - lo).length(), turn: outer(n.normalize_or_zero(), area) }
-            }));
+            };
+            let triangles = mesh.triangles.len() as u32;
+            let size = triangles.div_ceil(MOST_PARTS as u32).max(1);
+            let first = (0..triangles).step_by(size as usize);
+            let together = |t: u32| (t + 1..(t + size).min(triangles)).map(triangle).fold(triangle(t), Part::and);
+            parts.extend(first.map(together));
             continue;
         }
         let (lo, hi) = shape.bounds();

@@ -118,7 +118,7 @@ impl Wide for Eight {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub use x86::Avx2;
+pub(super) use x86::Avx2;
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
@@ -127,7 +127,7 @@ mod x86 {
 
     /// Eight lanes of AVX2. To be used only in functions that enable it: what is here is always inlined into them.
     #[derive(Clone, Copy, Debug)]
-    pub struct Avx2(__m256);
+    pub(in crate::transport) struct Avx2(__m256);
 
     // SAFETY of all that follows: callers have AVX2 enabled, and so run where it was detected. Memory is read and written through
     // references to as many numbers, at any alignment.

@@ -6,7 +6,7 @@
 //! * [`footprint_kernel`], [`border`], [`obstacle`]: the kernel of a photon's own footprint, and what becomes of it at borders and at the
 //!   foot of what stands on the surface
 //! * [`photon_tree`]: all photons whose reach covers a point; [`nearest`]: the nearest photons
-//! * [`photon_map`]: radiance and irradiance from photons, [`photon_lanes`] eight at a time, by the arithmetic of [`eight`]; [`photon_ply`]: photons as a point cloud
+//! * [`photon_map`]: radiance and irradiance from photons, [`photon_lanes`] eight at a time, by the arithmetic of `eight`; [`photon_ply`]: photons as a point cloud
 //! * [`antialias`]: which pixels need several samples
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
@@ -27,7 +27,7 @@ mod cache_settings;
 pub mod coat;
 pub mod differential;
 pub mod direct;
-pub mod eight;
+mod eight;
 pub mod emitter_vpls;
 pub mod fingerprint;
 pub mod footprint_kernel;

@@ -285,8 +285,8 @@ impl Surfels {
         }
     }
 
-    /// Some surfel in the neighbourhood that faces the same way, for light of so high an order that it hardly varies; a new one where
-    /// there is none, or none that sees the place. `None` if that would make more than `most` surfels.
+    /// Some surfel in the neighbourhood that faces the same way, for light of so high an order that it hardly varies, or where there are too
+    /// many; a new one where there is none, or none that sees the place. `None` if that would make more than `most` surfels.
     pub fn find_or_insert_coarse(&mut self, world: &World, at: &Facet, most: usize) -> Option<u32> {
         if let Some(&k) = self.coarse.get(&Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)) {
             let s = &self.places[k as usize];

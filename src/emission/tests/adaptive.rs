@@ -244,3 +244,41 @@ fn the_number_of_photons_may_change_between_passes() {
         assert_eq!(again, 0, "{n}");
     }
 }
+
+/// A light with cells of its own that can expect less than a photon: it must not share those of the faint ones as well.
+#[test]
+fn a_light_whose_share_has_become_faint_is_not_emitted_twice() {
+    let v = DVec3::new;
+    let point =
+        |x: f64, intensity: f32| LightDesc::Point { position: v(x, 2.0, 0.0), intensity: Vec3::splat(intensity) };
+    let floor = shape(GeometryDesc::Rectangle, placed(DVec3::ZERO, v(3.0, 0.0, 0.0), v(0.0, 0.0, -3.0)), 0, None);
+    let scene = scene(
+        vec![floor],
+        vec![point(-1.0, 1.0), point(1.0, 0.01), LightDesc::Constant { radiance: Vec3::splat(0.002) }],
+    );
+    let accel = Accel::new(&scene.shapes);
+    let mut adaptive = EdgeAdaptive::new(&scene, &accel, 8000, &Settings { cells: 100, ..Settings::default() }, 1);
+    for (pass, n) in [(0, 8000), (1, 40)] {
+        adaptive.set_count(n, pass);
+        for (light, info) in scene.lights.infos.iter().enumerate() {
+            let own = |r: &EmittedRay| if r.light == light as u32 { f64::from(r.flux.y) } else { 0.0 };
+            let flux = (pass..pass + 20).map(|p| sum(&adaptive, p, &own)).sum::<f64>() / 20.0;
+            assert!((flux / f64::from(info.power.y) - 1.0).abs() < 0.02, "{n} photons, light {light}: {flux}");
+        }
+    }
+}
+
+/// What is cut is decided by the photons that later passes may have, and by what interest leaves of the lights.
+#[test]
+fn a_light_of_a_small_thing_is_cut_for_the_photons_to_come() {
+    let scene = shadow_scene(4);
+    let accel = Accel::new(&scene.shapes);
+    let wanted = |shape: u32| shape == 1;
+    let cells = |n: usize, later: usize, lone: bool| {
+        let interest: Option<&dyn Fn(u32) -> bool> = if lone { Some(&wanted) } else { None };
+        EdgeAdaptive::new(&scene, &accel, n, &Settings { interest, later, ..Settings::default() }, 1).strata().len()
+    };
+    assert_eq!((cells(20, 0, false) > 0, cells(20, 2000, false) > 0), (false, true));
+    // A lone light gets all photons, however little of it is left.
+    assert!(cells(40, 0, true) > 0);
+}

@@ -137,6 +137,30 @@ fn means_are_those_of_uniform_emission_with_less_noise() {
     }
 }
 
+/// Where photons become few, cells are joined: none carries much more than in uniform emission.
+#[test]
+fn few_photons_after_many_carry_no_huge_parts() {
+    let (_, scene) = rooms().remove(1);
+    let accel = Accel::new(&scene.shapes);
+    let wants = wanted(&scene);
+    let settings = Settings { interest: Some(&wants), ..Settings::default() };
+    let mut density = EdgeAdaptive::new(&scene, &accel, 8000, &settings, 1);
+    for pass in 0..4 {
+        teach(&mut density, pass, &|r| first_hit(&accel, r).is_some_and(|(s, _)| wants(s)));
+    }
+    let all = |d: &EdgeAdaptive, pass| sum(d, pass, &|r| f64::from(r.flux.y));
+    let before = (4..24).map(|pass| all(&density, pass)).sum::<f64>() / 20.0;
+    for (pass, n) in [(24, 400), (44, 100)] {
+        density.set_count(n, pass);
+        assert!((n..=n + n / 4).contains(&density.count()), "{n}: {}", density.count());
+        let greatest = (0..density.count()).filter_map(|i| density.emit(i, pass)).map(|r| f64::from(r.flux.y));
+        let greatest = greatest.fold(0.0, f64::max);
+        assert!(greatest < 15.0 * before / n as f64, "{n}: {greatest}, {} on average", before / n as f64);
+        let after = (pass..pass + 20).map(|p| all(&density, p)).sum::<f64>() / 20.0;
+        assert!((after / before - 1.0).abs() < 0.05, "{n}: {after} {before}");
+    }
+}
+
 /// A photon that decides about its own weight: taught by a pass, the density emits the same numbers again.
 #[test]
 fn a_pass_must_not_be_emitted_again_after_it_has_taught() {

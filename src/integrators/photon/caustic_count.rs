@@ -30,8 +30,6 @@ use rayon::prelude::*;
 /// Photons of the first pass, as a share of the most, but [`LEAST`] at least.
 const FIRST: f64 = 0.125;
 const LEAST: usize = 1 << 14;
-/// Camera samples of a pass for each pixel, as adaptive sampling takes them.
-const SAMPLES: f64 = 1.5;
 /// Pixels that are looked at.
 const PIXELS: u64 = 512;
 /// First of the streams of random numbers.
@@ -46,8 +44,11 @@ const OUTLIER: f64 = 1.0;
 pub struct Counts {
     most: usize,
     first: usize,
+    /// s: camera samples of a pass.
+    samples: f64,
     pixels: usize,
-    found: Option<Found>,
+    /// What was found out, and n_1.
+    found: Option<(Found, usize)>,
 }
 
 /// What two maps and the samples of a few pixels tell.
@@ -60,15 +61,20 @@ pub struct Found {
 }
 
 impl Counts {
-    /// At most `most` photons for a picture of so many pixels.
-    pub fn new(most: usize, pixels: usize) -> Self {
+    /// At most `most` photons for a picture of so many camera samples in a pass, and so many pixels.
+    pub fn new(most: usize, samples: f64, pixels: usize) -> Self {
         let first = ((most as f64 * FIRST) as usize).max(LEAST).min(most);
-        Counts { most, first, pixels, found: None }
+        Counts { most, first, samples, pixels, found: None }
     }
 
     /// Photons of the first pass.
     pub fn first(&self) -> usize {
         self.first
+    }
+
+    /// Photons of any pass, at most.
+    pub fn most(&self) -> usize {
+        self.most
     }
 
     /// Photons from pass `pass` on; `None`: as before. Few passes change the number: sequences of random numbers start anew with it.
@@ -81,16 +87,15 @@ impl Counts {
     }
 
     /// Equation 1 for the `passes`-th pass, within bounds.
-    fn best(&self, found: Found, passes: u64) -> usize {
-        let (s, n1) = (SAMPLES * self.pixels as f64, self.first as f64 / 2.0);
-        let n = s * (passes as f64 * found.map * n1 / (found.sample * self.pixels as f64)).sqrt();
+    fn best(&self, (found, n1): (Found, usize), passes: u64) -> usize {
+        let n = self.samples * (passes as f64 * found.map * n1 as f64 / (found.sample * self.pixels as f64)).sqrt();
         // Without noise of samples the quotient is infinite, or no number where maps do not differ either.
         if n.is_nan() { self.first } else { (n as usize).clamp(self.first, self.most) }
     }
 
-    /// Takes note of what was found out.
-    pub fn learn(&mut self, found: Found) {
-        self.found = Some(found);
+    /// Takes note of what was found out by a map of `photons`, n_1.
+    pub fn learn(&mut self, found: Found, photons: usize) {
+        self.found = Some((found, photons));
     }
 }
 
@@ -136,16 +141,17 @@ mod tests {
 
     #[test]
     fn the_number_is_where_error_times_cost_is_least() {
-        let counts = Counts::new(1 << 18, 1 << 18);
-        let (pixels, n1) = (f64::from(1 << 18), counts.first as f64 / 2.0);
+        let pixels = f64::from(1 << 18);
+        let counts = Counts::new(1 << 18, 1.5 * pixels, 1 << 18);
+        let n1 = counts.first / 2;
         for (map, sample) in [(1e-3, 3e-3), (1e-3, 1e-2), (1e-2, 4e-2), (3e-4, 2e-3)] {
             for passes in [3, 9] {
-                let s = SAMPLES * pixels;
+                let s = counts.samples;
                 let badness = |n: usize| {
                     let n = n as f64;
-                    (sample * pixels / (passes as f64 * s) + map * n1 / n) * (s + n)
+                    (sample * pixels / (passes as f64 * s) + map * n1 as f64 / n) * (s + n)
                 };
-                let n = counts.best(Found { map, sample }, passes);
+                let n = counts.best((Found { map, sample }, n1), passes);
                 assert!(counts.first < n && n < counts.most, "{map} {sample}: {n} is a bound, and tells nothing");
                 let near = [n * 9 / 10, n * 11 / 10].map(badness);
                 assert!(badness(n) < near[0] && badness(n) < near[1], "{map} {sample} {passes}: {n}");
@@ -155,22 +161,22 @@ mod tests {
 
     #[test]
     fn what_is_nothing_is_within_bounds() {
-        let counts = Counts::new(100_000, 100_000);
-        let best = |map, sample| counts.best(Found { map, sample }, 4);
+        let counts = Counts::new(100_000, 1e5, 100_000);
+        let best = |map, sample| counts.best((Found { map, sample }, 10_000), 4);
         assert_eq!((best(0.0, 1.0), best(0.0, 0.0), best(1.0, 0.0)), (counts.first, counts.first, counts.most));
-        assert_eq!((counts.first, Counts::new(1000, 50).first), (1 << 14, 1000));
+        assert_eq!((counts.first, Counts::new(1000, 50.0, 50).first), (1 << 14, 1000));
     }
 
     #[test]
     fn passes_grow_only_as_far_as_the_maps_are_worth() {
-        let mut counts = Counts::new(1 << 18, 1 << 18);
+        let mut counts = Counts::new(1 << 18, 4e5, 1 << 18);
         assert_eq!((counts.changed_in(1), counts.changed_in(3)), (Some(counts.first / 2), None));
         // Before anything is known there are as many as there may be.
         assert_eq!(counts.changed_in(2), Some(1 << 18));
-        counts.learn(Found { map: 1e-3, sample: 1e-2 });
+        counts.learn(Found { map: 1e-3, sample: 1e-2 }, counts.first / 2);
         let [a, b, c] = [2, 4, 8].map(|p| counts.changed_in(p).unwrap());
         assert!(a < b && b < c && c < 1 << 18, "{a} {b} {c}");
-        counts.learn(Found { map: 1e-8, sample: 1e-2 });
+        counts.learn(Found { map: 1e-8, sample: 1e-2 }, counts.first / 2);
         assert_eq!([2, 4, 8].map(|p| counts.changed_in(p)), [Some(counts.first); 3]);
     }
 

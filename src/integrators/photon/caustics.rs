@@ -1,9 +1,10 @@
 //! Caustic photons of each pass: where they start, how many there are.
 
+use super::FULL_SAMPLES;
 use super::caustic_count::{Counts, Found};
 use super::learned_emission;
 use super::learned_lights::LearnedLights;
-use super::settings::{Emission, PhotonSettings};
+use super::settings::{Antialiasing, Emission, PhotonSettings};
 use crate::emission::{self, DensityMap, EdgeAdaptive, EmissionDensity, Sequence, Uniform};
 use crate::scene::material::has_sharp_lobe;
 use crate::transport::photon::{Photon, PhotonClass};
@@ -14,6 +15,9 @@ use crate::transport::{CausticMap, NEARLY_SPECULAR_ALPHA, World};
 /// Most photons of a pass, if nothing is said: as many as pixels, within these bounds.
 const AUTOMATIC: [usize; 2] = [1 << 15, 1 << 18];
 
+/// Camera samples of a pass for each pixel, as adaptive sampling takes them.
+const ADAPTIVE_SAMPLES: f64 = 1.5;
+
 /// Emission and kernels of caustic photons.
 pub struct Caustics<'a> {
     world: World<'a>,
@@ -23,6 +27,8 @@ pub struct Caustics<'a> {
     learned: Option<LearnedLights>,
     /// Photons emitted in all passes so far, those that only taught included.
     emitted: u64,
+    /// Photons emitted in the present pass.
+    present: usize,
     /// Numbers of photons that the picture decides; `None`: always the same.
     counts: Option<Counts>,
 }
@@ -36,26 +42,36 @@ impl<'a> Caustics<'a> {
         if !(free && footprints && others) {
             return Self::new(world, settings, pixels);
         }
-        let counts = Counts::new(pixels.clamp(AUTOMATIC[0], AUTOMATIC[1]), pixels);
-        let first = PhotonSettings { caustic_photons: Some(counts.first() as u64), ..*settings };
-        Some(Caustics { counts: Some(counts), ..Self::new(world, &first, pixels)? })
+        let samples = match settings.antialiasing {
+            Antialiasing::Off => 1.0,
+            Antialiasing::Adaptive => ADAPTIVE_SAMPLES,
+            Antialiasing::Full => f64::from(FULL_SAMPLES),
+        };
+        let counts = Counts::new(pixels.clamp(AUTOMATIC[0], AUTOMATIC[1]), samples * pixels as f64, pixels);
+        Some(Caustics { counts: Some(counts), ..Self::with(world, settings, [counts.first(), counts.most()])? })
     }
 
     /// `None` where there can be no caustic, or none is to be shown: without lights or nearly specular surfaces.
     pub fn new(world: World<'a>, settings: &PhotonSettings, pixels: usize) -> Option<Self> {
+        let n = settings.caustic_photons.map_or(pixels.clamp(AUTOMATIC[0], AUTOMATIC[1]), |n| n as usize);
+        Self::with(world, settings, [n, n])
+    }
+
+    /// With so many photons in the first pass, and at most in later ones.
+    fn with(world: World<'a>, settings: &PhotonSettings, [n, later]: [usize; 2]) -> Option<Self> {
         let scene = world.scene;
         let sharp = |id: u32| has_sharp_lobe(&scene.materials, id, NEARLY_SPECULAR_ALPHA);
         let deep_enough = settings.path.max_depth.is_none_or(|d| d > 2);
         if scene.lights.is_empty() || !deep_enough || !scene.shapes.iter().any(|s| sharp(s.material)) {
             return None;
         }
-        let n = settings.caustic_photons.map_or(pixels.clamp(AUTOMATIC[0], AUTOMATIC[1]), |n| n as usize);
-        let density: Box<dyn EmissionDensity> = match settings.emission {
+        let mut density: Box<dyn EmissionDensity> = match settings.emission {
             Emission::Uniform => Box::new(Uniform::new(scene, n, Sequence::Random, settings.seed)),
             Emission::Adaptive => {
                 let wanted = |shape: u32| sharp(scene.shapes[shape as usize].material);
                 let adaptive = emission::Settings {
                     interest: Some(&wanted),
+                    later,
                     cut: settings.emission_cut,
                     linearity: settings.emission_linearity,
                     ..Default::default()
@@ -64,7 +80,11 @@ impl<'a> Caustics<'a> {
             }
         };
         let learned = (settings.emission == Emission::Adaptive).then(LearnedLights::default);
-        Some(Caustics { world, density, map: settings.map(), learned, counts: None, emitted: 0 })
+        let (map, mut emitted) = (settings.map(), 0);
+        if learned.is_some() {
+            emitted = learned_emission::pilot(world, density.as_mut(), &map.walk(Goal::Caustics));
+        }
+        Some(Caustics { world, density, map, learned, emitted, present: 0, counts: None })
     }
 
     /// Gets ready for pass `pass`. To be called for one after the other.
@@ -82,7 +102,7 @@ impl<'a> Caustics<'a> {
     /// Takes note of what the maps of the first two passes tell.
     pub fn learn_counts(&mut self, found: Found) {
         if let Some(counts) = &mut self.counts {
-            counts.learn(found);
+            counts.learn(found, self.present);
         }
     }
 
@@ -105,11 +125,9 @@ impl<'a> Caustics<'a> {
     /// The photons of a pass; those of later ones leave the lights, and the parts of their emission, from which more of them have arrived.
     pub fn map(&mut self, pass: u64) -> CausticMap {
         let walk = self.map.walk(Goal::Caustics);
-        if pass == 0 && self.learned.is_some() {
-            self.emitted += learned_emission::pilot(self.world, self.density.as_mut(), &walk);
-        }
         let traced = trace(self.world, self.density.as_ref(), &walk, pass);
-        self.emitted += self.density.count() as u64;
+        self.present = self.density.count();
+        self.emitted += self.present as u64;
         if let Some(learned) = &mut self.learned {
             learned_emission::learn(&traced, 0, self.density.as_mut(), pass);
             learned.learn(pass, &traced.ledger, PhotonClass::Caustic, self.density.as_mut());
