@@ -43,7 +43,7 @@ pub const LEAST: usize = 32;
 pub struct Settings<'s> {
     /// Shapes that photons are wanted on as their first hit; `None`: anywhere.
     pub interest: Option<&'s dyn Fn(u32) -> bool>,
-    /// Photons that later passes may have; 0: as many as the first. A light is cut, or learns, if it may expect [`LEAST`] of them.
+    /// Photons that later passes may have; 0: as many as the first. A light is cut, or learns, if it may expect 32 of them.
     pub later: usize,
     /// Cells, at most; 0: half as many as photons, 16384 at most.
     pub cells: usize,
