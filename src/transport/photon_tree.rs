@@ -3,7 +3,7 @@
 //! Photons are put in classes by the power of two of their reach (a large kernel would blow up the box of every group that it is in),
 //! within each sorted along a Z-order curve (Morton 1966) and grouped by eights, and these by eights again: the tree is implied by the
 //! order, complete but for its last nodes, and needs no pointers. A node holds the boxes of its eight children; a leaf eight ellipsoids, one
-//! array per coefficient, so that vector units test four of them at a time. Building is a sort, O(n log n) whatever the photons' arrangement:
+//! array per coefficient, so that vector units test all or half of them at a time. Building is a sort, O(n log n) whatever the photons' arrangement:
 //! duplicates and axis-aligned walls are nothing special. A query visits in the order of the tree: sums have the same bits for any
 //! number of threads.
 //! Source: for the order Lauterbach et al. 2009, "Fast BVH Construction on GPUs"; classes by reach: METHODS 3.B.

@@ -23,8 +23,9 @@
 //! Verified by `tests`
 
 use super::eye::Eye;
+use super::looks::{OUTLIER, any_pixel, ray, relative_square};
 use crate::integrators::Counts as Counted;
-use crate::math::{Sampler, Vec2, luminance};
+use crate::math::{Sampler, luminance};
 use rayon::prelude::*;
 
 /// Photons of the first pass, as a share of the most, but [`LEAST`] at least.
@@ -34,10 +35,6 @@ const LEAST: usize = 1 << 14;
 const PIXELS: u64 = 512;
 /// First of the streams of random numbers.
 const STREAM: u64 = 0x00ca_0571;
-/// Share of the mean luminance to which errors are relative in darker places.
-const DARK: f64 = 0.1;
-/// Most that one pixel counts.
-const OUTLIER: f64 = 1.0;
 
 /// Photons of each pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,14 +99,11 @@ impl Counts {
 impl Found {
     /// Looks at pixels of `window` (x, y, width, height) with the maps of the first pass and of the second.
     pub fn new([first, second]: [&Eye; 2], window: [u32; 4], seed: u64) -> Self {
-        let [x, y, width, height] = window.map(|v| v as f32);
         let look = |k: u64| {
-            let mut rng = Sampler::new(seed, STREAM, k);
-            let pixel = (Vec2::new(x, y) + rng.next_2d() * Vec2::new(width, height)).floor();
+            let pixel = any_pixel(window, &mut Sampler::new(seed, STREAM, k));
             let sample = |eye: &Eye, stream: u64| {
                 let mut rng = Sampler::new(seed, STREAM + stream, k);
-                let (at, lens) = (rng.next_2d(), rng.next_2d());
-                let ray = eye.world.scene.camera.ray(pixel + at, lens);
+                let ray = ray(eye, pixel, &mut rng);
                 f64::from(luminance(eye.sample(&ray, &mut rng, &mut Counted::default()).0))
             };
             [sample(first, 1), sample(second, 1), sample(second, 2)]
@@ -125,10 +119,7 @@ fn found(looks: &[[f64; 3]]) -> Found {
     let looks: Vec<&[f64; 3]> = looks.iter().filter(|l| l.iter().all(|v| v.is_finite())).collect();
     let count = looks.len().max(1) as f64;
     let mean = looks.iter().map(|l| 0.5 * (l[1] + l[2])).sum::<f64>() / count;
-    let relative = |d: f64, [_, a, b]: &[f64; 3]| {
-        let of = 0.25 * (a + b) * (a + b) + (DARK * mean) * (DARK * mean);
-        if of > 0.0 { (d * d / of).min(OUTLIER) } else { 0.0 }
-    };
+    let relative = |d: f64, [_, a, b]: &[f64; 3]| relative_square(d, 0.5 * (a + b), mean).min(OUTLIER);
     Found {
         map: looks.iter().map(|l| relative(l[0] - l[1], l)).sum::<f64>() / count,
         sample: looks.iter().map(|l| 0.5 * relative(l[1] - l[2], l)).sum::<f64>() / count,

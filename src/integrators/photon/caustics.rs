@@ -129,7 +129,7 @@ impl<'a> Caustics<'a> {
         self.present = self.density.count();
         self.emitted += self.present as u64;
         if let Some(learned) = &mut self.learned {
-            learned_emission::learn(&traced, 0, self.density.as_mut(), pass);
+            learned_emission::learn(&traced, self.density.as_mut(), pass);
             learned.learn(pass, &traced.ledger, PhotonClass::Caustic, self.density.as_mut());
         }
         CausticMap::from_photons(self.world, traced, &self.map, pass)

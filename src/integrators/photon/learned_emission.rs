@@ -35,14 +35,15 @@ impl EmissionDensity for Part<'_> {
     }
 }
 
-/// Tells `density` what became of the photons of a pass, of which `traced` are those from `first` on, and to follow it if it is time to.
-pub fn learn(traced: &Traced, first: usize, density: &mut dyn EmissionDensity, pass: u64) {
-    note(traced, first, density, pass);
+/// Tells `density` what became of the photons of a pass, and to follow it if it is time to.
+pub fn learn(traced: &Traced, density: &mut dyn EmissionDensity, pass: u64) {
+    note(traced, 0, density, pass);
     if (pass + 1).is_power_of_two() {
         density.follow(pass + 1);
     }
 }
 
+/// `traced` are the photons of the pass from `first` on.
 fn note(traced: &Traced, first: usize, density: &mut dyn EmissionDensity, pass: u64) {
     let arrived = traced.photons.iter().zip(&traced.indices);
     let arrived = arrived.map(|(p, &i)| Arrival { index: first + i as usize, flux: p.flux.element_sum() / 3.0 });

@@ -19,6 +19,7 @@ mod eye;
 mod global;
 mod learned_emission;
 mod learned_lights;
+mod looks;
 mod pilot;
 pub mod places;
 mod renewed_cache;

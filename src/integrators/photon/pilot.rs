@@ -18,8 +18,9 @@
 //! Verified by `tests`
 
 use super::eye::Eye;
+use super::looks::{OUTLIER, any_pixel, ray, relative_square};
 use crate::integrators::Counts;
-use crate::math::{Sampler, Vec2, luminance};
+use crate::math::{Sampler, luminance};
 use crate::scene::camera::CameraRay;
 use rayon::prelude::*;
 
@@ -37,10 +38,6 @@ const VERDICT: f64 = 4.0;
 const MOSTLY: f64 = 0.5;
 /// What a camera sample costs besides its rays, in shadow rays.
 const SHADING: f64 = 2.0;
-/// Share of the mean luminance to which errors are relative in darker places.
-const DARK: f64 = 0.1;
-/// Most that one pair counts.
-const OUTLIER: f64 = 1.0;
 
 /// Three samples of a pixel: the first two along one camera ray, the last along another.
 #[derive(Clone, Copy, Debug, Default)]
@@ -81,15 +78,10 @@ pub(super) struct Pilot {
 impl Pilot {
     /// Looks at pixels of `window` (x, y, width, height). `samples`: of a light where there are several.
     pub fn new(eye: &Eye, window: [u32; 4], samples: u32, seed: u64) -> Self {
-        let [x, y, width, height] = window.map(|v| v as f32);
         let look = |k: u64| {
             let mut rngs = [0, 1, 2].map(|stream| Sampler::new(seed, STREAM + stream, k));
-            let pixel = (Vec2::new(x, y) + rngs[2].next_2d() * Vec2::new(width, height)).floor();
-            let ray = |rng: &mut Sampler| {
-                let (at, lens) = (rng.next_2d(), rng.next_2d());
-                eye.world.scene.camera.ray(pixel + at, lens)
-            };
-            let (first, second) = (ray(&mut rngs[0]), ray(&mut rngs[1]));
+            let pixel = any_pixel(window, &mut rngs[2]);
+            let (first, second) = (ray(eye, pixel, &mut rngs[0]), ray(eye, pixel, &mut rngs[1]));
             let mut counts = Counts::default();
             let mut sample = |ray: &CameraRay, rng: &mut Sampler| {
                 let (radiance, features) = eye.sample(ray, rng, &mut counts);
@@ -146,10 +138,7 @@ fn pixels(looks: &[Look], samples: u32) -> Vec<Pixel> {
     // Samples that are no numbers are the film's concern.
     let looks: Vec<&Look> = looks.iter().filter(|l| l.all.iter().chain(&l.direct).all(|v| v.is_finite())).collect();
     let mean = looks.iter().map(|l| l.all[0] + l.all[1]).sum::<f64>() / (2.0 * looks.len().max(1) as f64);
-    let relative = |[a, b]: [f64; 2], of: f64| {
-        let square = of * of + (DARK * mean) * (DARK * mean);
-        if square > 0.0 { (0.5 * (a - b) * (a - b) / square).min(OUTLIER) } else { 0.0 }
-    };
+    let relative = |[a, b]: [f64; 2], of: f64| (0.5 * relative_square(a - b, of, mean)).min(OUTLIER);
     let one = |look: &&Look| {
         let of = 0.5 * (look.all[0] + look.all[1]);
         let by_lights = relative(look.direct, of);
