@@ -15,8 +15,9 @@ pub const MOST_BRANCHES: usize = 8;
 const ROOM: usize = 4;
 /// Scatterings up to which direct light is looked at closely.
 const FIRST_DEPTH: u32 = 4;
-/// Rays of less importance than this live on by roulette, whatever their depth.
-const DIM: f32 = 0.05;
+/// Rays of less importance than this live on by roulette, whatever their depth. Errors of cornell-spheres after 2 and 6 passes, and their time, over
+/// those with 0.05: 0.93 and 1.01; with 0.01 0.92 and 1.05.
+const DIM: f32 = 0.02;
 
 /// Whether a path goes on in one direction only: `blurred` if a lobe that is no Dirac lobe has scattered it, `waiting` rays there are.
 pub fn is_crowded(blurred: bool, waiting: usize) -> bool {
@@ -42,8 +43,14 @@ pub fn directions(rest: &Bsdf, wo: Vec3, (u_lobe, u): (f32, Vec2), crowded: bool
     branches.unwrap_or_else(|| rest.sample(wo, u_lobe, u, Transport::Radiance).into_iter().collect())
 }
 
-/// Probability with which a ray of this importance is traced; `roulette` from the depth on at which every path may end.
-pub fn survival(importance: f32, roulette: bool) -> f32 {
+/// Probability with which a ray of this importance is traced; `roulette` from the depth on at which every path may end, `blurred` as for
+/// [`is_crowded`]. What is left of the importance after it is 1 for blurred paths from that depth on, the one way that their sample takes. Of
+/// rays that branched there are others in the same sample, of known light: one that was raised from [`DIM`] to 1 would outshine them.
+pub fn survival(importance: f32, roulette: bool, blurred: bool) -> f32 {
     let survival = (importance / DIM).min(1.0);
-    if roulette { survival.min(importance.min(MAX_SURVIVAL)) } else { survival }
+    match (roulette, blurred) {
+        (false, _) => survival,
+        (true, false) => survival.min(MAX_SURVIVAL),
+        (true, true) => survival.min(importance.min(MAX_SURVIVAL)),
+    }
 }

@@ -305,7 +305,8 @@ impl Eye<'_> {
         let eta2 = b.eta2 * s.eta * s.eta;
         let throughput = b.throughput * s.weight / share;
         let importance = throughput.max_element() * eta2;
-        let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight);
+        let blurred = b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy);
+        let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight, blurred);
         if u >= survival {
             return;
         }
@@ -328,7 +329,7 @@ impl Eye<'_> {
             came,
             travelled: if straight { b.travelled } else { 0.0 },
             indirect: b.indirect || s.lobe == LobeKind::Diffuse,
-            blurred: b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy),
+            blurred,
         });
     }
 }

@@ -368,7 +368,8 @@ impl Eye<'_> {
         let eta2 = b.eta2 * s.eta * s.eta;
         let throughput = b.throughput * s.weight / share;
         let importance = throughput.max_element() * eta2;
-        let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight);
+        let blurred = b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy);
+        let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight, blurred);
         if u >= survival {
             return;
         }
@@ -381,7 +382,7 @@ impl Eye<'_> {
             passed: b.passed + u32::from(straight),
             came,
             indirect: b.indirect || s.lobe == LobeKind::Diffuse,
-            blurred: b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy),
+            blurred,
         });
     }
 }
