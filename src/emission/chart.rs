@@ -60,9 +60,13 @@ pub fn cube() -> Vec<Face> {
     vec![face(x, y, z), face(-x, -y, z), face(y, z, x), face(-y, -z, x), face(z, x, y), face(-z, -x, y)]
 }
 
+/// A step of Newton's method as short as this, over the bracket, was the last: errors are squared from step to step.
+const CLOSE: f64 = 1e-7;
+
 /// Root of a growing function between `lo` and `hi`: Newton's method, bisection where that leaves the bracket.
 fn solve(mut lo: f64, mut hi: f64, guess: f64, f: impl Fn(f64) -> (f64, f64)) -> f64 {
     let mut x = guess;
+    let close = CLOSE * (hi - lo);
     for _ in 0..50 {
         let (value, slope) = f(x);
         if value > 0.0 {
@@ -72,7 +76,7 @@ fn solve(mut lo: f64, mut hi: f64, guess: f64, f: impl Fn(f64) -> (f64, f64)) ->
         }
         let next = x - value / slope;
         let next = if next >= lo && next <= hi { next } else { 0.5 * (lo + hi) };
-        if (next - x).abs() <= 1e-13 {
+        if (next - x).abs() <= close {
             return next;
         }
         x = next;

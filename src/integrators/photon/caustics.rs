@@ -34,12 +34,12 @@ pub struct Caustics<'a> {
 }
 
 impl<'a> Caustics<'a> {
-    /// As [`Self::new`], with as many photons in a pass as the rest of the picture is worth, where nothing is said of them.
+    /// As [`Self::new`], with as many photons in a pass as the samples of the picture are worth, where nothing is said of them. Few of them come first,
+    /// if nothing but caustics is shown as well: kernels shrink from pass to pass, and more passes with fewer photons blur less.
     pub fn weighed(world: World<'a>, settings: &PhotonSettings, pixels: usize) -> Option<Self> {
-        let others = settings.parts.direct || settings.parts.indirect;
         let footprints = matches!(settings.kernel, Kernel::Footprint { .. });
         let free = settings.caustic_photons.is_none() && settings.emission == Emission::Adaptive;
-        if !(free && footprints && others) {
+        if !(free && footprints) {
             return Self::new(world, settings, pixels);
         }
         let samples = match settings.antialiasing {
