@@ -224,6 +224,33 @@ fn depth_limits_end_paths() {
     }
 }
 
+/// Mirrors on the way of the rays that caches send take segments as well: a room with two opposite walls of mirrors.
+#[test]
+fn mirrors_on_the_way_of_gather_rays_count_for_the_depth() {
+    let scene = || {
+        room(&|scene| {
+            let mirror = Material::Conductor { eta: grey(0.0), k: grey(1.0), specular_reflectance: grey(0.95) };
+            let id = material(scene, mirror);
+            for side in [-1.0, 1.0] {
+                let wall = DMat4::from_translation(DVec3::new(0.99 * side, 0.0, 0.0))
+                    * DMat4::from_rotation_y(-side * std::f64::consts::FRAC_PI_2);
+                shape(scene, GeometryDesc::Rectangle, wall, id, None);
+            }
+        })
+    };
+    let shown = |max_depth| {
+        let path = PathSettings { max_depth: Some(max_depth), ..PathSettings::default() };
+        let a = photon_mean(6, 8, &scene, PhotonSettings { path, ..PhotonSettings::default() });
+        (a, mean_over_runs(6, |seed| render_path(scene(), path, 256, seed)))
+    };
+    let ((a, a_error), (b, b_error)) = shown(5);
+    let bound = LIMIT * a_error.hypot(b_error) + 5e-3 * b;
+    assert!((a - b).abs() <= bound, "{a} +- {a_error}, path {b} +- {b_error}");
+    // Companion: one segment more would be seen.
+    let (_, (more, _)) = shown(6);
+    assert!(more - b > 2.0 * bound, "{b}, then {more}; bound {bound}");
+}
+
 /// Mean and variance of single samples of a glass ball in an even sky of radiance 1, where any way through it brings 1.
 fn samples_of_a_glass_ball(rr_depth: u32) -> (f64, f64) {
     let mut scene = empty_scene(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, 64, 64);

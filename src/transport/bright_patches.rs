@@ -123,7 +123,7 @@ pub fn find<'h>(
     irradiance: &[Rgb],
     records: impl Iterator<Item = (Facet, f32, &'h [GatherHit])> + Clone,
 ) -> Vec<Patch> {
-    let brings = |hit: &GatherHit| irradiance.get(hit.surfel as usize).map_or(0.0, |e| luminance(hit.weight * *e));
+    let brings = |hit: &GatherHit| irradiance.get(hit.reached.surfel()).map_or(0.0, |e| luminance(hit.weight * *e));
     // Of each record what bright hits bring to it, and the number of its hits.
     let by_chance = records.clone().map(|(_, level, hits)| {
         let bright: f32 = hits.iter().map(brings).filter(|v| *v > BRIGHT * level).sum();
@@ -139,7 +139,7 @@ pub fn find<'h>(
         for hit in hits {
             let ratio = brings(hit) / level;
             if ratio > BRIGHT {
-                *found.entry(hit.surfel).or_default() += (ratio / n as f32).powi(2);
+                *found.entry(hit.reached.surfel() as u32).or_default() += (ratio / n as f32).powi(2);
             }
         }
     }

@@ -12,12 +12,13 @@ use super::World;
 use super::bright_patches::Patch;
 use super::cache_file::Stored;
 use super::coat::Coat;
+pub use super::gather_hit::GatherHit;
 use super::gather_hit::pack_normal;
-pub use super::gather_hit::{GatherHit, NO_SURFEL};
 use super::gather_ray::{GlossyLight, RayCounts, light_glossy};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
 use super::guided_rays::GuidedRays;
+use super::reached::Reached;
 use super::riser::{Riser, SECTORS, sector};
 use super::surfel_light::SurfelLight;
 use super::surfels::{Facet, Surfels};
@@ -65,16 +66,16 @@ pub struct GatherCache {
 /// A hit whose surfel may not be known yet.
 pub(super) struct Traced {
     hit: GatherHit,
-    /// What is there and the reach of its cell.
-    unknown: Option<(Facet, f32)>,
+    /// What is there, the reach of its cell, and the segments of the chain.
+    unknown: Option<(Facet, f32, u32)>,
 }
 
 impl Traced {
     /// The hit with its surfel, a new one if need be.
     pub(super) fn known(self, world: &World, surfels: &mut Surfels) -> GatherHit {
         let Traced { mut hit, unknown } = self;
-        if let Some((facet, distance)) = unknown {
-            hit.surfel = surfels.find_or_insert(world, &facet, distance);
+        if let Some((facet, distance, segments)) = unknown {
+            hit.reached = Reached::new(surfels.find_or_insert(world, &facet, distance), segments);
         }
         hit
     }
@@ -215,7 +216,7 @@ impl GatherCache {
             direction: d,
             inverse_distance: if depth > 0.0 { 1.0 / depth } else { 0.0 },
             weight: Rgb::ZERO,
-            surfel: NO_SURFEL,
+            reached: Reached::NONE,
             packed_normal: pack_normal(normal),
         };
         let mut unknown = None;
@@ -225,8 +226,8 @@ impl GatherCache {
             // Cells as large as the footprint of the ray.
             let reach = g.last * share.sqrt();
             match surfels.find(world, &facet, reach) {
-                Some(k) => hit.surfel = k,
-                None => unknown = Some((facet, reach)),
+                Some(k) => hit.reached = Reached::new(k, g.segments),
+                None => unknown = Some((facet, reach, g.segments)),
             }
         }
         Traced { hit, unknown }
@@ -264,7 +265,6 @@ impl GatherCache {
     /// Irradiance and derivatives of records under the light of the surfels.
     pub fn evaluate(&self, records: std::ops::Range<usize>, light: &SurfelLight) -> Vec<Estimate> {
         let n = self.strata.len();
-        let irradiance = light.irradiance();
         let records: Vec<usize> = records.collect();
         let chunks: Vec<Vec<Estimate>> = records
             .par_chunks(16)
@@ -272,8 +272,7 @@ impl GatherCache {
                 let mut radiance = vec![Rgb::ZERO; n];
                 let estimate = |&record: &usize| {
                     for (l, hit) in radiance.iter_mut().zip(self.hits(record)) {
-                        let e = irradiance.get(hit.surfel as usize).copied().unwrap_or(Rgb::ZERO);
-                        *l = hit.weight * e * FRAC_1_PI;
+                        *l = hit.weight * light.by(hit.reached) * FRAC_1_PI;
                     }
                     let range = record * n..(record + 1) * n;
                     let from = self.glossy.partition_point(|(i, _)| (*i as usize) < range.start);

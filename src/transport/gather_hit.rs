@@ -3,10 +3,8 @@
 //! Normals are packed by the octahedral map (Meyer et al. 2010, "On Floating-Point Normal Vectors").
 
 use super::cache_file::stored;
+use super::reached::Reached;
 use crate::math::{Rgb, Vec2, Vec3};
-
-/// No surfel: the ray was absorbed or left the scene.
-pub const NO_SURFEL: u32 = u32::MAX;
 
 /// What a gather ray of a record has hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,13 +15,13 @@ pub struct GatherHit {
     pub inverse_distance: f32,
     /// Factor on the irradiance of the surfel: throughput times albedo.
     pub weight: Rgb,
-    /// The surfel or [`NO_SURFEL`].
-    pub surfel: u32,
+    /// The surfel, if any.
+    pub reached: Reached,
     /// Geometric normal, packed.
     pub packed_normal: u32,
 }
 
-stored!(GatherHit { direction, inverse_distance, weight, surfel, packed_normal });
+stored!(GatherHit { direction, inverse_distance, weight, reached, packed_normal });
 
 impl GatherHit {
     /// Geometric normal at the end, towards the ray.

@@ -199,7 +199,8 @@ mod tests {
     use crate::math::polygon;
     use crate::math::sampler::hash;
     use crate::math::sampler::unit_f32;
-    use crate::transport::gather_hit::{NO_SURFEL, pack_normal};
+    use crate::transport::gather_hit::pack_normal;
+    use crate::transport::reached::Reached;
 
     /// Rectangle parallel to the floor at height `h`.
     struct Plate {
@@ -241,8 +242,8 @@ mod tests {
                     let direction = strata.direction(i, Vec2::new(unit_f32(jitter), unit_f32(jitter << 24)));
                     let (l, inverse_distance) = scene(direction);
                     let normal = if inverse_distance > 0.0 { -Vec3::Z } else { -direction };
-                    let (weight, surfel, packed_normal) = (Rgb::ONE, NO_SURFEL, pack_normal(normal));
-                    (l, GatherHit { direction, inverse_distance, weight, surfel, packed_normal })
+                    let (weight, reached, packed_normal) = (Rgb::ONE, Reached::NONE, pack_normal(normal));
+                    (l, GatherHit { direction, inverse_distance, weight, reached, packed_normal })
                 })
                 .collect();
             let depths: Vec<[f32; 2]> = strata.depths(&hits.iter().map(|h| h.1).collect::<Vec<_>>()).collect();

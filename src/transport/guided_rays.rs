@@ -149,10 +149,8 @@ impl GuidedRays {
             return;
         }
         radiance.iter_mut().zip(&self.shares[range.clone()]).for_each(|(l, share)| *l *= *share);
-        let irradiance = light.irradiance();
         for (i, hit) in &self.hits[self.begins[record] as usize..self.begins[record + 1] as usize] {
-            let e = irradiance.get(hit.surfel as usize).copied().unwrap_or(Rgb::ZERO);
-            radiance[*i as usize - range.start] += hit.weight * e * FRAC_1_PI;
+            radiance[*i as usize - range.start] += hit.weight * light.by(hit.reached) * FRAC_1_PI;
         }
         let [from, to] = [range.start, range.end].map(|end| self.glossy.partition_point(|(i, _)| (*i as usize) < end));
         for ((i, _), l) in self.glossy[from..to].iter().zip(&self.scattered[from.min(self.scattered.len())..]) {

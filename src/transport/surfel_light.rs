@@ -9,8 +9,7 @@
 //! D = direct irradiance averaged over the cell, mean over light samples of weight cos V; C = irradiance by caustics, from a callback; G = pi / n
 //! times the sum of what glossy vertices of the rays scatter from lamps; weight_r = throughput times albedo at the end of
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
-//! Solved by sweeps in the order of the surfels (Gauss-Seidel), which converge at least like albedo^k, to
-//! 1e-4 of the mean. Where paths have a greatest length, one sweep over all of them (Jacobi) for each bounce: E = D + C + T (... + T (D + C)).
+//! Solved in `surfel_bounces.rs`.
 //! Rays of surfels found the next ones, in the largest cells; ends of *their* rays for which there is no surfel take one in a wider
 //! neighbourhood, and where there is none that sees the place found one as well, and so on: light finds its way through any number of
 //! rooms. When there are too many, the rest of the row stands for the lost rays.
@@ -22,17 +21,14 @@ use super::World;
 use super::cache_file::stored;
 use super::coat::Coat;
 use super::gather_ray::{GlossyLight, RayCounts, light_glossy};
+use super::reached::Reached;
 use super::surfel_direct::{direct, places_of, samples_needed};
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::hash;
-use crate::math::{Frame, Rgb, Sampler, Vec3, luminance, warp};
+use crate::math::{Frame, Rgb, Sampler, Vec3, warp};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// Sweeps end when no surfel changes by more than this share of the mean irradiance.
-const CONVERGED: f32 = 1e-4;
-/// Most sweeps: with the least albedo 0.98 of a closed white room this leaves 0.2 % of the light.
-const MAX_SWEEPS: u32 = 300;
 /// Surfels that later generations may add, beside as many as the first have.
 const FURTHER: usize = 4096;
 /// Generations of surfels, each found by rays of the one before.
@@ -81,9 +77,9 @@ pub struct SurfelSettings {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Entry {
-    surfel: u32,
-    weight: Rgb,
+pub(super) struct Entry {
+    pub(super) reached: Reached,
+    pub(super) weight: Rgb,
 }
 
 /// Surfels with their light.
@@ -93,36 +89,42 @@ pub struct SurfelLight {
     pub surfels: Surfels,
     /// Rays traced.
     pub counts: RayCounts,
-    settings: SurfelSettings,
+    pub(super) settings: SurfelSettings,
     /// Light samples per surfel, once it is known how many are needed.
     light_samples: Option<u32>,
     /// D + C (or everything, from a map).
-    own: Vec<Rgb>,
+    pub(super) own: Vec<Rgb>,
+    /// C.
+    pub(super) caustic: Vec<Rgb>,
     /// I of large surfels.
-    indirect: Vec<Rgb>,
+    pub(super) indirect: Vec<Rgb>,
     /// G of large surfels.
-    scattered: Vec<Rgb>,
-    total: Vec<Rgb>,
+    pub(super) scattered: Vec<Rgb>,
+    pub(super) total: Vec<Rgb>,
+    /// Light of 0, 1, ... bounces, as long as there is a limit that shows ([`MOST_LEVELS`]); further ones are like `total`.
+    pub(super) levels: Vec<Vec<Rgb>>,
     /// l: the surfel that gathers for each.
-    gatherer: Vec<u32>,
+    pub(super) gatherer: Vec<u32>,
     /// End of the surfel's row in `entries`.
-    row_ends: Vec<u32>,
-    entries: Vec<Entry>,
+    pub(super) row_ends: Vec<u32>,
+    pub(super) entries: Vec<Entry>,
     /// Light by glossy surfaces with the index of their surfel.
     glossy: Vec<(u32, GlossyLight)>,
 }
 
 stored!(SurfelSettings { light_samples, gather_rays, bounces, seed });
-stored!(Entry { surfel, weight });
+stored!(Entry { reached, weight });
 stored!(SurfelLight {
     surfels,
     counts,
     settings,
     light_samples,
     own,
+    caustic,
     indirect,
     scattered,
     total,
+    levels,
     gatherer,
     row_ends,
     entries,
@@ -135,6 +137,7 @@ struct Found {
     weight: Rgb,
     /// The surfel there, if known.
     surfel: Option<u32>,
+    segments: u32,
 }
 
 impl SurfelLight {
@@ -146,9 +149,11 @@ impl SurfelLight {
             settings,
             light_samples: None,
             own: Vec::new(),
+            caustic: Vec::new(),
             indirect: Vec::new(),
             scattered: Vec::new(),
             total: Vec::new(),
+            levels: Vec::new(),
             gatherer: Vec::new(),
             row_ends: Vec::new(),
             entries: Vec::new(),
@@ -195,50 +200,12 @@ impl SurfelLight {
         self.row_ends.resize(self.surfels.len(), self.entries.len() as u32);
         self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
         let zeros = vec![Rgb::ZERO; self.surfels.len() - first];
-        for values in [&mut self.own, &mut self.indirect, &mut self.scattered, &mut self.total] {
+        self.levels.clear();
+        for values in [&mut self.own, &mut self.caustic, &mut self.indirect, &mut self.scattered, &mut self.total] {
             values.extend_from_slice(&zeros);
         }
         self.light(world, light, first);
         self.sweeps(first, self.settings.bounces.unwrap_or(u32::MAX).min(8));
-    }
-
-    /// Solves for the irradiance of all surfels: a function of their direct light and rows alone.
-    pub fn solve(&mut self) {
-        if let Some(bounces) = self.settings.bounces.filter(|&n| n < MAX_SWEEPS) {
-            self.bounce(bounces);
-            return;
-        }
-        self.indirect.copy_from_slice(&self.scattered);
-        self.follow(0);
-        self.sweeps(0, MAX_SWEEPS);
-    }
-
-    /// The first terms of the Neumann series, light of so many bounces and no more: each sweep reads the one before alone (Jacobi).
-    fn bounce(&mut self, bounces: u32) {
-        self.indirect.fill(Rgb::ZERO);
-        self.total.copy_from_slice(&self.own);
-        for _ in 0..bounces {
-            for k in (0..self.total.len()).filter(|&k| self.gatherer[k] as usize == k) {
-                self.indirect[k] = self.scattered[k] + self.gathered(k);
-            }
-            let (mut change, mut sum) = (0f32, 0f32);
-            for (k, total) in self.total.iter_mut().enumerate() {
-                let value = self.own[k] + self.indirect[self.gatherer[k] as usize];
-                change = change.max((value - *total).abs().max_element());
-                sum += luminance(value);
-                *total = value;
-            }
-            if change <= CONVERGED * sum / self.total.len() as f32 {
-                break;
-            }
-        }
-    }
-
-    /// What the rays of large surfel `k` bring of the light of other surfels.
-    fn gathered(&self, k: usize) -> Rgb {
-        let begin = if k == 0 { 0 } else { self.row_ends[k - 1] as usize };
-        let row = &self.entries[begin..self.row_ends[k] as usize];
-        row.iter().map(|e| e.weight * self.total[e.surfel as usize]).sum()
     }
 
     /// Evaluates all light anew, without a gather ray.
@@ -273,7 +240,7 @@ impl SurfelLight {
                         found.push(counted.map(|end| {
                             let facet = Facet::seen_from(&end.at, end.wo);
                             let surfel = surfels.find(world, &facet, f32::INFINITY);
-                            Found { at: facet, weight: end.weight * response, surfel }
+                            Found { at: facet, weight: end.weight * response, surfel, segments: g.segments }
                         }));
                     }
                 }
@@ -300,7 +267,10 @@ impl SurfelLight {
                         known => known,
                     };
                     match surfel {
-                        Some(surfel) => self.entries.push(Entry { surfel, weight: f.weight / n as f32 }),
+                        Some(surfel) => {
+                            let reached = Reached::new(surfel, f.segments);
+                            self.entries.push(Entry { reached, weight: f.weight / n as f32 });
+                        }
                         None => lost += 1,
                     }
                 }
@@ -321,29 +291,29 @@ impl SurfelLight {
             _ => samples_needed(world, &self.surfels, self.settings),
         });
         let (settings, glossy) = (self.settings, &self.glossy);
-        let lit: Vec<(Rgb, RayCounts)> = places
+        let lit: Vec<([Rgb; 2], RayCounts)> = places
             .par_iter()
             .enumerate()
             .with_min_len(CHUNK)
             .map(|(i, place)| {
                 let mut counts = RayCounts::default();
-                let own = match light {
-                    HitLight::Map { total } => total(place.p, place.n_shade),
+                let [own, caustic] = match light {
+                    HitLight::Map { total } => [total(place.p, place.n_shade), Rgb::ZERO],
                     HitLight::Operator { caustic } | HitLight::OneBounce { caustic } => {
                         let stream = (start + i) as u64;
                         let key = hash(settings.seed, DIRECT);
                         let places = places_of(world, &self.surfels, start + i, samples, key, stream, &mut counts);
                         // Of caustics one place must do: asking for them costs as much as many shadow rays.
                         let somewhere = &places[0];
-                        caustic(somewhere.p, somewhere.n_shade)
-                            + direct(world, &places, samples, key, stream, &mut counts)
+                        let caustic = caustic(somewhere.p, somewhere.n_shade);
+                        [caustic + direct(world, &places, samples, key, stream, &mut counts), caustic]
                     }
                 };
-                (if own.is_finite() { own } else { Rgb::ZERO }, counts)
+                (if own.is_finite() { [own, caustic] } else { [Rgb::ZERO; 2] }, counts)
             })
             .collect();
-        for (own, (value, counts)) in self.own[start..].iter_mut().zip(lit) {
-            *own = value;
+        for (k, (value, counts)) in (start..).zip(lit) {
+            [self.own[k], self.caustic[k]] = value;
             self.counts += counts;
         }
         self.scattered[start..].fill(Rgb::ZERO);
@@ -355,36 +325,6 @@ impl SurfelLight {
             for ((k, _), value) in glossy[from..].iter().zip(scattered) {
                 self.scattered[*k as usize] += value * (PI / settings.gather_rays as f32);
             }
-        }
-    }
-
-    /// Gauss-Seidel sweeps over the large surfels from `start` on, which the others follow.
-    fn sweeps(&mut self, start: usize, limit: u32) {
-        if self.entries.is_empty() || limit == 0 {
-            return self.follow(start);
-        }
-        for _ in 0..limit {
-            let (mut change, mut sum, mut count) = (0f32, 0f32, 0u32);
-            for k in (start..self.total.len()).filter(|&k| self.gatherer[k] as usize == k) {
-                self.indirect[k] = self.scattered[k] + self.gathered(k);
-                let value = self.own[k] + self.indirect[k];
-                change = change.max((value - self.total[k]).abs().max_element());
-                sum += luminance(value);
-                count += 1;
-                self.total[k] = value;
-            }
-            // Some rays meet surfels of small cells too.
-            self.follow(start);
-            if change <= CONVERGED * sum / count.max(1) as f32 {
-                break;
-            }
-        }
-    }
-
-    /// Gives the surfels from `start` on that have no rays of their own what the rays of theirs bring.
-    fn follow(&mut self, start: usize) {
-        for k in start..self.total.len() {
-            self.total[k] = self.own[k] + self.indirect[self.gatherer[k] as usize];
         }
     }
 }
