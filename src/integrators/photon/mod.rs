@@ -8,7 +8,7 @@
 //!             direct, caustic and indirect light); Yue, Onoue & Nishita (stored gather rays); Knaus & Zwicker 2011 (passes)
 //! Bias        kernels and interpolated irradiance: both shrink with the passes
 //! Depth       the cache holds the bounces that are left behind the first surface. Behind mirrors and glass fewer are: where that
-//!             shows (few are left) paths take its place. What gather rays meet in mirrors counts as if the mirror were none
+//!             shows (few are left) paths take its place. Mirrors that gather rays meet take segments too
 //! Not handled participating media
 //! Verified by tests/photon.rs (agreement with `path`, furnace, determinism), tests/references.rs
 
