@@ -6,6 +6,7 @@
 pub mod distribution;
 pub mod filter;
 pub mod frame;
+pub mod morton;
 pub mod polygon;
 pub mod residual_roulette;
 pub mod sampler;

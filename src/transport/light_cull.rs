@@ -115,17 +115,17 @@ impl<'a> LightCulling<'a> {
             let node = &self.tree.nodes[index];
             for lane in 0..WIDTH {
                 let centre = node.centre(lane);
-                let reach = match node.children[lane] {
+                let reach = match node.child(lane) {
                     Child::Nothing => continue,
                     Child::Emitter(e) => {
                         let range = (node.strength[lane] * self.scale / self.xi[e as usize]).sqrt();
                         // At xi = 0 everything is in range.
-                        node.radius2[lane].sqrt() + if range.is_nan() { f32::INFINITY } else { range }
+                        node.radius2(lane).sqrt() + if range.is_nan() { f32::INFINITY } else { range }
                     }
                     Child::Node(below) => {
                         let inner = &self.tree.nodes[below as usize];
                         let reach = &self.reach[below as usize];
-                        let full = (0..WIDTH).filter(|&k| inner.children[k] != Child::Nothing);
+                        let full = (0..WIDTH).filter(|&k| inner.child(k) != Child::Nothing);
                         full.map(|k| (inner.centre(k) - centre).length() + reach[k]).fold(0.0, f32::max)
                     }
                 };
@@ -170,7 +170,7 @@ impl<'a> LightCulling<'a> {
             if distance2[lane] >= reach[lane] * reach[lane] {
                 continue;
             }
-            match node.children[lane] {
+            match node.child(lane) {
                 Child::Emitter(emitter) => {
                     let importance = importance.get_or_insert_with(|| node.importance(at).0)[lane];
                     if importance > 0.0 {
@@ -185,7 +185,7 @@ impl<'a> LightCulling<'a> {
 
     /// Weight in a reservoir of a leaf of this importance.
     fn weight(&self, node: &Node, lane: usize, importance: f32, distance2: f32) -> f32 {
-        importance / self.survival(node.strength[lane], distance2.max(node.radius2[lane]))
+        importance / self.survival(node.strength[lane], distance2.max(node.radius2(lane)))
     }
 
     /// Weight in a reservoir of an emitter, whether it is met or not: 0 where its bounds send nothing.

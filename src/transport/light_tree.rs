@@ -22,7 +22,7 @@ pub(in crate::transport) mod node;
 #[cfg(test)]
 mod tests;
 
-use self::bounds::{Bounds, split};
+use self::bounds::{Bounds, around, split};
 pub use self::cut::Cut;
 use self::node::{Child, Node, WIDTH};
 use crate::math::sampler::{hash, refine, unit_f32};
@@ -124,24 +124,27 @@ impl LightTree {
 
     /// Adds the subtree over `list`: its index.
     fn build(&mut self, list: &mut [(Bounds, u32)], parent: Option<(u32, u8)>) -> u32 {
-        let of = |part: &[(Bounds, u32)]| part.iter().map(|x| x.0).reduce(Bounds::union);
         // Cut the costliest part until there are enough of them.
         let mut parts = match list.len() {
             n if n <= WIDTH => (0..n).map(|i| (i..i + 1, Some(list[i].0))).collect(),
-            n => vec![(0..n, of(list))],
+            n => vec![(0..n, around(list))],
         };
         while parts.len() < WIDTH {
             let cost = |p: &(std::ops::Range<usize>, Option<Bounds>)| p.1.map_or(0.0, |b| b.cost(1.0));
             let cuttable = (0..parts.len()).filter(|&i| parts[i].0.len() > 1);
             let Some(i) = cuttable.max_by(|&i, &j| cost(&parts[i]).total_cmp(&cost(&parts[j]))) else { break };
             let range = parts[i].0.clone();
-            let cut = range.start + split(&mut list[range.clone()]);
-            let (a, b) = (range.start..cut, cut..range.end);
-            parts[i] = (a.clone(), of(&list[a]));
-            parts.push((b.clone(), of(&list[b])));
+            let (cut, [a, b]) = split(&mut list[range.clone()]);
+            let cut = range.start + cut;
+            parts[i] = (range.start..cut, a);
+            parts.push((cut..range.end, b));
         }
         let index = self.nodes.len() as u32;
-        self.nodes.push(Node::new(parent));
+        let (lo, hi) = parts
+            .iter()
+            .filter_map(|p| p.1)
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), b| (lo.min(b.lo), hi.max(b.hi)));
+        self.nodes.push(Node::new(parent, lo, hi));
         for (lane, (range, bounds)) in parts.into_iter().enumerate() {
             let here = Some((index, lane as u8));
             let child = match &mut list[range] {

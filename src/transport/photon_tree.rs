@@ -12,6 +12,7 @@
 use super::eight::{Eight, WIDTH, Wide, all, dot, splat3};
 use super::footprint_kernel::Ellipsoid;
 use crate::math::Vec3;
+use crate::math::morton::morton;
 use rayon::prelude::*;
 
 /// Levels of a tree of 2^32 photons.
@@ -84,10 +85,7 @@ impl<T: Copy + Send + Sync> PhotonTree<T> {
         let sane_ones = ellipsoids.iter().filter(|e| sane(e));
         let (lo, hi) = sane_ones.fold(empty, |(lo, hi), e| (lo.min(e.p), hi.max(e.p)));
         let scale = ((1u32 << BITS) - 1) as f32 / (hi - lo).max_element().max(f32::MIN_POSITIVE);
-        let key = |e: &Ellipsoid| {
-            let [x, y, z] = ((e.p - lo) * scale).to_array().map(|c| spread_bits(c as u64));
-            (u64::from(size_class(e.radii[0])) << (3 * BITS)) | x | (y << 1) | (z << 2)
-        };
+        let key = |e: &Ellipsoid| (u64::from(size_class(e.radii[0])) << (3 * BITS)) | morton((e.p - lo) * scale);
         let with_keys = ellipsoids.par_iter().enumerate().filter(|(_, e)| sane(e));
         let mut order: Vec<(u64, u32)> = with_keys.map(|(i, e)| (key(e), i as u32)).collect();
         order.par_sort_unstable();
@@ -173,16 +171,6 @@ impl<T: Copy + Send + Sync> PhotonTree<T> {
 fn size_class(reach: f32) -> u8 {
     let exponent = (reach.max(f32::MIN_POSITIVE).to_bits() >> 23) as i32 - 127;
     (exponent.div_euclid(CLASS_LOG2) + 64).clamp(0, 127) as u8
-}
-
-/// Bits of `x` with two zeros between each.
-fn spread_bits(x: u64) -> u64 {
-    let mut x = x & 0x1f_ffff;
-    x = (x | x << 32) & 0x1f_0000_0000_ffff;
-    x = (x | x << 16) & 0x1f_0000_ff00_00ff;
-    x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
 }
 
 impl Class {

@@ -34,20 +34,28 @@ pub(super) enum Lamp<'a> {
     Parallelogram(&'a Patch),
 }
 
-/// A parallelogram and what can be prepared for it.
+/// A parallelogram: a cache line, as there may be many. (The frame of a rectangle would be three more.)
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub(super) struct Patch {
     pub rectangle: Rectangle,
-    /// If the edges are orthogonal.
-    frame: Option<RectangleFrame>,
+    area: f32,
+    /// Whether the edges are orthogonal.
+    orthogonal: bool,
 }
 
 impl Patch {
     pub fn new(rectangle: Rectangle) -> Self {
         let (x, y) = (rectangle.ex.as_dvec3(), rectangle.ey.as_dvec3());
         let orthogonal = x.dot(y).abs() <= 1e-6 * x.length() * y.length();
-        let frame = orthogonal.then(|| RectangleFrame::new(rectangle.center.as_dvec3(), x, y)).flatten();
-        Patch { rectangle, frame }
+        Patch { area: rectangle.area(), rectangle, orthogonal }
+    }
+
+    /// Its frame, if it is a rectangle.
+    fn frame(&self) -> Option<RectangleFrame> {
+        let r = &self.rectangle;
+        let [c, x, y] = [r.center, r.ex, r.ey].map(|v| v.as_dvec3());
+        self.orthogonal.then(|| RectangleFrame::new(c, x, y)).flatten()
     }
 }
 
@@ -128,7 +136,7 @@ impl<'a> Seen<'a> {
         match &shape.geometry {
             Geometry::Mesh(m) => Self::triangle(m.corners(prim), !m.normals.is_empty(), area, p),
             // Rectangles are patches; this is what they are without one.
-            Geometry::Rectangle(r) => Self::flat(r, p),
+            Geometry::Rectangle(r) => Self::flat(r, f64::from(r.area()), p),
             Geometry::Sphere(s) => Self::sphere(s, area, p),
             Geometry::Disk(d) => {
                 let height = front_height(d.center, d.n, d.ex.abs() + d.ey.abs(), p)?;
@@ -155,8 +163,15 @@ impl<'a> Seen<'a> {
 
     fn parallelogram(patch: &Patch, p: Vec3) -> Option<Self> {
         let r = &patch.rectangle;
-        let flat = Self::flat(r, p)?;
-        let seen = if let Some(frame) = &patch.frame {
+        let flat = Self::flat(r, f64::from(patch.area), p)?;
+        if let Seen::FlatParallelogram { c, plane, .. } = &flat {
+            // No part of it is nearer than this, and none seen at a larger cosine than height / near: small for certain.
+            let near = c.length() - f64::from(r.ex.length() + r.ey.length());
+            if near > 0.0 && plane.area * plane.height < 0.999 * MIN_SOLID_ANGLE * near.powi(3) {
+                return Some(flat);
+            }
+        }
+        let seen = if let Some(frame) = patch.frame() {
             Seen::Rectangle(frame.seen_from(p.as_dvec3()))
         } else {
             let (c, x, y) = (relative(r.center, p), r.ex.as_dvec3(), r.ey.as_dvec3());
@@ -166,9 +181,9 @@ impl<'a> Seen<'a> {
         Some(if seen.solid_angle()? > MIN_SOLID_ANGLE { seen } else { flat })
     }
 
-    fn flat(r: &Rectangle, p: Vec3) -> Option<Self> {
+    fn flat(r: &Rectangle, area: f64, p: Vec3) -> Option<Self> {
         let height = front_height(r.center, r.n, r.ex.abs() + r.ey.abs(), p)?;
-        let plane = Plane { height, area: r.area() as f64 };
+        let plane = Plane { height, area };
         Some(Seen::FlatParallelogram { c: relative(r.center, p), x: r.ex.as_dvec3(), y: r.ey.as_dvec3(), plane })
     }
 

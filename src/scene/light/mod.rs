@@ -24,6 +24,7 @@ use super::shape::{Geometry, Shape};
 use super::surface::SurfacePoint;
 use super::texture::{Bitmap, Color, Texture, Textures};
 use crate::math::distribution::AliasTable;
+use crate::math::morton::morton;
 use crate::math::sampler::refine;
 use crate::math::{Rgb, Vec2, Vec3};
 use area::Patch;
@@ -148,6 +149,7 @@ impl Lights {
         for desc in lights {
             all.add_light(desc, textures, bounds.1, &mut weights);
         }
+        all.sort_patches();
         let sane = |w: f64| if w.is_finite() && w > 0.0 { w } else { 0.0 };
         let floor = FLOOR * weights.iter().map(|&w| sane(w)).sum::<f64>() / weights.len().max(1) as f64;
         let floored: Vec<f64> = weights.iter().map(|&w| sane(w).max(floor)).collect();
@@ -205,6 +207,26 @@ impl Lights {
             power: radiance * (std::f64::consts::PI * area) as f32,
             primitives: count,
         });
+    }
+
+    /// Puts patches that are near each other in space near each other in memory: they are asked for together.
+    fn sort_patches(&mut self) {
+        let finite = self.patches.iter().map(|p| p.rectangle.center).filter(|c| c.is_finite());
+        let (lo, hi) = finite.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |b, c| (b.0.min(c), b.1.max(c)));
+        let scale = 65_535.0 / (hi - lo).max_element().max(f32::MIN_POSITIVE);
+        let key = |p: &Patch| morton((p.rectangle.center - lo) * scale);
+        let mut order: Vec<(u64, u32)> = self.patches.iter().map(key).zip(0..).collect();
+        order.sort_unstable();
+        let mut place = vec![0; order.len()];
+        (0..).zip(&order).for_each(|(to, &(_, from))| place[from as usize] = to);
+        self.patches = order.iter().map(|&(_, from)| self.patches[from as usize].clone()).collect();
+        for emitter in &mut self.emitters {
+            if let Source::Surface { patch, .. } = &mut emitter.source
+                && let Some(&to) = place.get(*patch as usize)
+            {
+                *patch = to;
+            }
+        }
     }
 
     fn add_light(&mut self, desc: &LightDesc, textures: Textures, radius: f32, weights: &mut Vec<f64>) {

@@ -44,8 +44,8 @@ pub(super) fn error_for(tree: &LightTree, probes: &[LitPoint], lights: f32) -> f
         for node in &tree.nodes {
             let (importance, distance2) = node.importance_and_distance2(at);
             for (lane, _) in importance.iter().enumerate().filter(|(_, i)| **i > 0.0) {
-                if matches!(node.children[lane], Child::Emitter(_)) {
-                    let d2 = distance2[lane].max(node.radius2[lane]).max(f32::MIN_POSITIVE);
+                if matches!(node.child(lane), Child::Emitter(_)) {
+                    let d2 = distance2[lane].max(node.radius2(lane)).max(f32::MIN_POSITIVE);
                     let v = (node.strength[lane] / d2).min(f32::MAX);
                     let bin = &mut histogram[(v.to_bits() >> 20) as usize];
                     *bin = (bin.0 + 1, bin.1 + f64::from(v));

@@ -37,6 +37,12 @@ impl Cone {
         if other.cos <= -1.0 {
             return other;
         }
+        if self.surely_holds(&other) {
+            return self;
+        }
+        if other.surely_holds(&self) {
+            return other;
+        }
         let angle = |c: f32| f64::from(c.clamp(-1.0, 1.0)).acos();
         let (a, b) = (angle(self.cos), angle(other.cos));
         let between = {
@@ -62,6 +68,15 @@ impl Cone {
         let side = turn.normalize().cross(self.axis);
         let (sin, cos) = ((half - a) as f32).sin_cos();
         Cone { axis: (self.axis * cos + side * sin).normalize(), cos: half.cos() as f32 }
+    }
+}
+
+impl Cone {
+    /// Whether the other cone lies within, beyond doubt by rounding: cos (a - b) against the cosine between the axes, without an angle.
+    fn surely_holds(&self, other: &Cone) -> bool {
+        let [a, b] = [self.cos, other.cos].map(f64::from);
+        let between = self.axis.as_dvec3().dot(other.axis.as_dvec3());
+        a <= b && between > a * b + ((1.0 - a * a) * (1.0 - b * b)).max(0.0).sqrt() + 1e-6
     }
 }
 
@@ -97,8 +112,16 @@ impl Bounds {
     }
 }
 
-/// Reorders the list and returns where to cut it, within it.
-pub(super) fn split(list: &mut [(Bounds, u32)]) -> usize {
+/// Bounds of all of a list.
+pub(super) fn around(list: &[(Bounds, u32)]) -> Option<Bounds> {
+    list.iter().map(|x| x.0).reduce(Bounds::union)
+}
+
+/// Reorders the list and returns where to cut it, within it, and the bounds of both parts.
+pub(super) fn split(list: &mut [(Bounds, u32)]) -> (usize, [Option<Bounds>; 2]) {
+    if let [a, b] = list {
+        return (1, [Some(a.0), Some(b.0)]);
+    }
     let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (lo, hi) = list.iter().fold(empty, |b, (x, _)| (b.0.min(x.centre()), b.1.max(x.centre())));
     let extent = hi - lo;
@@ -110,7 +133,7 @@ pub(super) fn split(list: &mut [(Bounds, u32)]) -> usize {
         (Some(a), Some(b)) => Some(a.union(b)),
         (a, b) => a.or(b),
     };
-    let mut best: Option<(f32, usize, usize)> = None;
+    let mut best: Option<(f32, usize, usize, [Option<Bounds>; 2])> = None;
     for axis in (0..3).filter(|&a| extent[a] > 0.0) {
         let mut buckets: [Option<Bounds>; BUCKETS] = [None; BUCKETS];
         for (b, _) in list.iter() {
@@ -132,16 +155,19 @@ pub(super) fn split(list: &mut [(Bounds, u32)]) -> usize {
             let (Some(a), Some(b)) = (before, from[cut]) else { continue };
             let cost = a.cost(stretch) + b.cost(stretch);
             if best.is_none_or(|(c, ..)| cost < c) {
-                best = Some((cost, axis, cut));
+                best = Some((cost, axis, cut, [before, from[cut]]));
             }
         }
     }
-    let middle = list.len() / 2;
-    let Some((_, axis, cut)) = best else { return middle };
+    let halves = |list: &[(Bounds, u32)]| {
+        let middle = list.len() / 2;
+        (middle, [around(&list[..middle]), around(&list[middle..])])
+    };
+    let Some((_, axis, cut, parts)) = best else { return halves(list) };
     // A stable partition.
     let (mut first, second): (Vec<_>, Vec<_>) = list.iter().partition(|(b, _)| bucket(b, axis) < cut);
     let count = first.len();
     first.extend(second);
     list.copy_from_slice(&first);
-    if count == 0 || count == list.len() { middle } else { count }
+    if count == 0 || count == list.len() { halves(list) } else { (count, parts) }
 }

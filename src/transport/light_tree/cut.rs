@@ -2,14 +2,14 @@
 //!
 //! The importance of a node whose bounding sphere holds the point, or nearly so, says little: its lights may be anywhere around. Such
 //! nodes are replaced by their children, from the root down, until all that is left is a light or far enough away; a draw takes one of
-//! these *entries* in proportion to importance, and descends from it. So a lamp next to the point is drawn as often as it deserves,
+//! these in proportion to importance, and descends from it. So a lamp next to the point is drawn as often as it deserves,
 //! and several draws at a point share the upper part of the tree.
 //! Source      after Conty Estevez and Kulla 2018, section 5 (adaptive tree splitting), where nodes that are opened get a sample of their
 //!             own; here they only sharpen the probabilities, and the number of samples is the caller's
 //! Bias        none: the probabilities are a function of the point alone
 //! Verified by `tests`: with those of the tree
 
-use super::node::{Child, WIDTH};
+use super::node::{Child, Lanes, WIDTH};
 use super::{LightTree, LitPoint, Unit};
 use arrayvec::ArrayVec;
 
@@ -18,11 +18,14 @@ const MOST_OPENED: usize = 24;
 /// Distance, in radii of its bounding sphere, below which a node is opened.
 const NEAR: f32 = 1.0;
 
-/// A light, or a node that is drawn as a whole.
+/// A node that is opened.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
-    child: Child,
-    importance: f32,
+struct Opened {
+    index: u32,
+    /// Sum of what follows.
+    sum: f32,
+    /// Importance of its children; 0 of those that are opened themselves.
+    importance: Lanes,
 }
 
 /// The tree as seen from a point.
@@ -30,53 +33,50 @@ struct Entry {
 pub struct Cut<'t> {
     tree: &'t LightTree,
     at: LitPoint,
-    entries: ArrayVec<Entry, { MOST_OPENED * WIDTH }>,
-    /// Indices of the nodes that are opened.
-    opened: ArrayVec<u32, MOST_OPENED>,
-    /// Sum over the entries.
+    opened: ArrayVec<Opened, MOST_OPENED>,
+    /// Sum over all that can be drawn.
     sum: f32,
     /// Sum of the importances at infinity.
     infinite: f32,
-    /// Probability of an entry against lights at infinity.
+    /// Probability of the tree against lights at infinity.
     share: f32,
 }
 
 impl<'t> Cut<'t> {
+    #[inline]
     pub(super) fn new(tree: &'t LightTree, at: LitPoint) -> Self {
-        let mut cut = Cut {
-            tree,
-            at,
-            entries: ArrayVec::new(),
-            opened: ArrayVec::new(),
-            sum: 0.0,
-            infinite: tree.infinite.iter().map(|(_, i)| i.importance(&at)).sum(),
-            share: 0.0,
-        };
+        let infinite = tree.infinite.iter().map(|(_, i)| i.importance(&at)).sum();
+        let mut cut = Cut { tree, at, opened: ArrayVec::new(), sum: 0.0, infinite, share: 0.0 };
         if tree.units.len() > 1 && !tree.nodes.is_empty() {
             cut.open();
         }
-        cut.share = tree.share(cut.sum, cut.infinite);
+        cut.share = tree.share(cut.sum, infinite);
         cut
     }
 
     /// Opens nodes level by level, so that those left closed for want of room are the deepest.
     fn open(&mut self) {
-        self.opened.push(0);
+        let closed = |index| Opened { index, sum: 0.0, importance: [0.0; WIDTH] };
+        self.opened.push(closed(0));
         let mut next = 0;
-        while let Some(&index) = self.opened.get(next) {
-            next += 1;
-            let node = &self.tree.nodes[index as usize];
-            let (importance, distance2) = node.importance_and_distance2(&self.at);
-            for (lane, &importance) in importance.iter().enumerate().filter(|(_, i)| **i > 0.0) {
-                let near = distance2[lane] < NEAR * NEAR * node.radius2[lane];
-                match node.children[lane] {
-                    Child::Node(inner) if near && self.opened.len() < MOST_OPENED => self.opened.push(inner),
-                    child => {
-                        self.sum += importance;
-                        self.entries.push(Entry { child, importance });
-                    }
+        while next < self.opened.len() {
+            let node = &self.tree.nodes[self.opened[next].index as usize];
+            let (mut importance, distance2) = node.importance_and_distance2(&self.at);
+            for lane in 0..WIDTH {
+                let near = distance2[lane] < NEAR * NEAR * node.radius2(lane);
+                if let Child::Node(inner) = node.child(lane)
+                    && near
+                    && importance[lane] > 0.0
+                    && self.opened.len() < MOST_OPENED
+                {
+                    self.opened.push(closed(inner));
+                    importance[lane] = 0.0;
                 }
             }
+            let sum = importance.iter().sum();
+            self.sum += sum;
+            (self.opened[next].sum, self.opened[next].importance) = (sum, importance);
+            next += 1;
         }
     }
 
@@ -101,10 +101,11 @@ impl<'t> Cut<'t> {
             }
             return chosen;
         }
-        let listed = self.entries.iter().map(|e| e.importance);
-        let (k, importance, mut u) = pick(listed, u / share * f64::from(self.sum))?;
+        let (k, of, u) = pick(self.opened.iter().map(|o| o.sum), u / share * f64::from(self.sum))?;
+        let Opened { index, importance, .. } = self.opened[k];
+        let (lane, importance, mut u) = pick(importance.into_iter(), u * f64::from(of))?;
         let mut pmf = self.share * (importance / self.sum);
-        let mut child = self.entries[k].child;
+        let mut child = self.tree.nodes[index as usize].child(lane);
         loop {
             let node = match child {
                 Child::Emitter(e) => return Some((Unit::Emitter(e), pmf)),
@@ -114,7 +115,7 @@ impl<'t> Cut<'t> {
             let (importances, sum) = node.importance(&self.at);
             let (lane, importance, rest) = pick(importances.into_iter(), u * f64::from(sum))?;
             pmf *= importance / sum;
-            (child, u) = (node.children[lane], rest);
+            (child, u) = (node.child(lane), rest);
         }
     }
 
@@ -138,7 +139,7 @@ impl<'t> Cut<'t> {
             let (index, lane) = place;
             let node = &tree.nodes[index as usize];
             let (importance, mut sum) = node.importance(&self.at);
-            let opened = self.opened.contains(&index);
+            let opened = self.opened.iter().any(|o| o.index == index);
             if opened {
                 sum = self.sum;
             }
@@ -152,16 +153,16 @@ impl<'t> Cut<'t> {
 }
 
 /// The item in which the running sum exceeds `target`, its value, and where within it, in [0, 1). Items of 0 are never picked.
+#[inline]
 fn pick(values: impl Iterator<Item = f32>, target: f64) -> Option<(usize, f32, f64)> {
     let mut rest = target;
     let mut chosen = None;
     for (k, value) in values.enumerate().filter(|(_, v)| *v > 0.0) {
-        let v = f64::from(value);
-        chosen = Some((k, value, (rest / v).min(1.0 - f64::EPSILON)));
-        if rest < v {
+        chosen = Some((k, value, rest));
+        if rest < f64::from(value) {
             break;
         }
-        rest -= v;
+        rest -= f64::from(value);
     }
-    chosen
+    chosen.map(|(k, value, rest)| (k, value, (rest / f64::from(value)).min(1.0 - f64::EPSILON)))
 }

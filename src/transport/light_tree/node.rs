@@ -3,6 +3,10 @@
 //! The equations are those of [`super`]. The cone of normals and the cone under which the bounding sphere is seen are added as one
 //! angle, by its sine and cosine: no angle is computed. Every lane does the same plain arithmetic without a branch, which
 //! compilers turn into vector instructions, those of AVX2 where the processor has them; it is exact to the last bit with any of them.
+//!
+//! What a choice among many lamps costs is memory: a node is kept in 272 bytes. Boxes are whole numbers of 65,535 steps of the node's own box,
+//! axes of 32,767 steps of 1, cones the sine of half their angle. Boxes and cones are rounded outwards, from the middle as it is read
+//! back; what rounding of the axis does to a cosine is allowed for where emission ends.
 
 use super::LitPoint;
 use super::bounds::Bounds;
@@ -11,6 +15,15 @@ use crate::math::Vec3;
 /// Children of a node.
 pub(in crate::transport) const WIDTH: usize = 8;
 pub(in crate::transport) type Lanes = [f32; WIDTH];
+type Short = [u16; WIDTH];
+type Signed = [i16; WIDTH];
+
+/// Steps of boxes and cones.
+const STEPS: f32 = u16::MAX as f32;
+/// Steps of axes and cosines.
+const SIGNED_STEPS: f32 = i16::MAX as f32;
+/// More than a cosine is off by a rounded axis: sqrt(3) / 2 steps.
+const AXIS_ROUNDING: f32 = 4e-5;
 
 /// What a child is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,59 +33,93 @@ pub(in crate::transport) enum Child {
     Emitter(u32),
 }
 
+/// A child in four bytes: emitters have the highest bit.
+#[derive(Clone, Copy, Debug)]
+struct Packed(u32);
+
+impl Packed {
+    const NOTHING: Packed = Packed(u32::MAX);
+    const EMITTER: u32 = 1 << 31;
+
+    fn new(child: Child) -> Self {
+        match child {
+            Child::Nothing => Packed::NOTHING,
+            Child::Node(i) => Packed(i),
+            Child::Emitter(e) => Packed(e | Packed::EMITTER),
+        }
+    }
+
+    #[inline]
+    fn get(self) -> Child {
+        match self.0 {
+            u32::MAX => Child::Nothing,
+            e if e & Packed::EMITTER != 0 => Child::Emitter(e & !Packed::EMITTER),
+            i => Child::Node(i),
+        }
+    }
+}
+
 /// Up to eight children; lanes without one have no strength.
 #[derive(Clone, Debug)]
 pub(in crate::transport) struct Node {
-    centre: [Lanes; 3],
-    half: [Lanes; 3],
-    axis: [Lanes; 3],
-    /// Squared radius of the bounding sphere.
-    pub radius2: Lanes,
-    /// Of the cone of normals, a little larger against rounding.
-    sin_normals: Lanes,
-    cos_normals: Lanes,
-    cos_emission: Lanes,
+    /// Corner of the box of all children, and its edges over [`STEPS`].
+    origin: [f32; 3],
+    step: [f32; 3],
+    centre: [Short; 3],
+    half: [Short; 3],
+    axis: [Signed; 3],
+    /// Sine of half the angle of the cone of normals.
+    half_cone: Short,
+    cos_emission: Signed,
     /// Sum of largest intensities.
     pub strength: Lanes,
     /// What the lanes stand for.
-    pub children: [Child; WIDTH],
+    children: [Packed; WIDTH],
     /// The node above and the lane there.
     pub parent: Option<(u32, u8)>,
 }
 
 impl Node {
-    /// A node without children.
-    pub fn new(parent: Option<(u32, u8)>) -> Self {
-        let zero = [0.0; WIDTH];
+    /// A node without children, whose children will lie in the box `[lo, hi]`.
+    pub fn new(parent: Option<(u32, u8)>, lo: Vec3, hi: Vec3) -> Self {
         Node {
-            centre: [zero; 3],
-            half: [zero; 3],
-            axis: [zero; 3],
-            radius2: zero,
-            sin_normals: zero,
-            cos_normals: zero,
-            cos_emission: zero,
-            strength: zero,
-            children: [Child::Nothing; WIDTH],
+            origin: lo.to_array(),
+            step: ((hi - lo) / STEPS).to_array(),
+            centre: [[0; WIDTH]; 3],
+            half: [[0; WIDTH]; 3],
+            axis: [[0; WIDTH]; 3],
+            half_cone: [0; WIDTH],
+            cos_emission: [0; WIDTH],
+            strength: [0.0; WIDTH],
+            children: [Packed::NOTHING; WIDTH],
             parent,
         }
     }
 
     /// Sets a lane.
     pub(super) fn set(&mut self, lane: usize, b: &Bounds, child: Child) {
-        let half = 0.5 * (b.hi - b.lo);
-        for (k, (c, (h, a))) in
-            b.centre().to_array().into_iter().zip(half.to_array().into_iter().zip(b.cone.axis.to_array())).enumerate()
-        {
-            (self.centre[k][lane], self.half[k][lane], self.axis[k][lane]) = (c, h, a);
+        // Casts end at the limits of their types.
+        for k in 0..3 {
+            let (lo, hi, step) = (b.lo[k], b.hi[k], self.step[k]);
+            if step > 0.0 {
+                self.centre[k][lane] = ((0.5 * (lo + hi) - self.origin[k]) / step).round() as u16;
+                let middle = self.centre(lane)[k];
+                let reach = (hi - middle).max(middle - lo);
+                self.half[k][lane] = (reach / step * (1.0 + 1e-6)).ceil() as u16;
+            }
+            self.axis[k][lane] = (b.cone.axis[k] * SIGNED_STEPS).round() as i16;
         }
-        let cos = (b.cone.cos - 1e-6).max(-1.0);
-        self.radius2[lane] = half.length_squared();
-        self.sin_normals[lane] = (1.0 - cos * cos).max(0.0).sqrt();
-        self.cos_normals[lane] = cos;
-        self.cos_emission[lane] = b.cos_emission - 1e-6;
+        let half_cone = (0.5 * (1.0 - b.cone.cos)).clamp(0.0, 1.0).sqrt();
+        self.half_cone[lane] = (half_cone * STEPS * (1.0 + 1e-6)).ceil() as u16;
+        self.cos_emission[lane] = ((b.cos_emission - AXIS_ROUNDING) * SIGNED_STEPS).floor() as i16;
         self.strength[lane] = b.strength;
-        self.children[lane] = child;
+        self.children[lane] = Packed::new(child);
+    }
+
+    /// What a lane stands for.
+    #[inline]
+    pub fn child(&self, lane: usize) -> Child {
+        self.children[lane].get()
     }
 
     /// Importance of each child at a point, and their sum.
@@ -103,36 +150,45 @@ impl Node {
     pub(super) fn lanes(&self, at: &LitPoint) -> (Lanes, Lanes) {
         let (n, one_sided) = at.n.map_or((Vec3::ZERO, false), |n| (n, true));
         let (mut out, mut distance2) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let [sx, sy, sz] = self.step;
         for (k, (out, distance2)) in out.iter_mut().zip(&mut distance2).enumerate() {
-            let x = self.centre[0][k] - at.p.x;
-            let y = self.centre[1][k] - at.p.y;
-            let z = self.centre[2][k] - at.p.z;
+            let x = (self.origin[0] + f32::from(self.centre[0][k]) * sx) - at.p.x;
+            let y = (self.origin[1] + f32::from(self.centre[1][k]) * sy) - at.p.y;
+            let z = (self.origin[2] + f32::from(self.centre[2][k]) * sz) - at.p.z;
+            let (hx, hy, hz) =
+                (f32::from(self.half[0][k]) * sx, f32::from(self.half[1][k]) * sy, f32::from(self.half[2][k]) * sz);
+            let radius2 = hx * hx + hy * hy + hz * hz;
             let true_d2 = x * x + y * y + z * z;
             *distance2 = true_d2;
-            let d2 = larger(larger(true_d2, self.radius2[k]), f32::MIN_POSITIVE);
-            let inverse = 1.0 / d2.sqrt();
+            let d2 = larger(larger(true_d2, radius2), f32::MIN_POSITIVE);
+            let inverse2 = 1.0 / d2;
+            let inverse = inverse2.sqrt();
             // Angle under which the bounding sphere is seen, a little larger against rounding; inside of it every angle.
-            let sin2 = self.radius2[k] / d2 * 1.00001 + 1e-7;
+            let sin2 = radius2 * inverse2 * 1.00001 + 1e-7;
             let inside = sin2 >= 1.0;
             let (sin_around, cos_around) = (sin2.sqrt(), larger(1.0 - sin2, 0.0).sqrt());
-            let (sin_n, cos_n) = (self.sin_normals[k], self.cos_normals[k]);
+            let half_sin = f32::from(self.half_cone[k]) * (1.0 / STEPS);
+            let half_cos2 = larger(1.0 - half_sin * half_sin, 0.0);
+            let (sin_n, cos_n) = (2.0 * half_sin * half_cos2.sqrt(), half_cos2 - half_sin * half_sin);
             let cos_both = cos_n * cos_around - sin_n * sin_around;
             let sin_both = sin_n * cos_around + cos_n * sin_around;
-            let theta = -(x * self.axis[0][k] + y * self.axis[1][k] + z * self.axis[2][k]) * inverse;
+            let along =
+                x * f32::from(self.axis[0][k]) + y * f32::from(self.axis[1][k]) + z * f32::from(self.axis[2][k]);
+            let theta = -along * (1.0 / SIGNED_STEPS) * inverse;
             let beyond = theta * cos_both + larger(1.0 - theta * theta, 0.0).sqrt() * sin_both;
             // A negative sine of the sum: more than pi, which holds all directions.
             let within = inside | (sin_both <= 0.0) | (theta >= cos_both);
             let cos = if within { 1.0 } else { beyond };
-            let importance = self.strength[k] * larger(cos, 0.01) / d2;
+            let importance = self.strength[k] * larger(cos, 0.01) * inverse2;
             // Above the plane? A box is above it where its farthest corner is.
             let height = x * n.x + y * n.y + z * n.z;
-            let (hx, hy, hz) = (self.half[0][k], self.half[1][k], self.half[2][k]);
             let reach = height + hx * n.x.abs() + hy * n.y.abs() + hz * n.z.abs();
             let rounding = 1e-6 * (x.abs() + y.abs() + z.abs() + hx + hy + hz);
             let cos_i = height * inverse;
             let low = larger(cos_i * cos_around + larger(1.0 - cos_i * cos_i, 0.0).sqrt() * sin_around, 1e-3);
             let tilt = if !one_sided | inside | (cos_i >= cos_around) { 1.0 } else { low };
-            let lit = (cos > self.cos_emission[k]) & (!one_sided | (reach > -rounding));
+            let lit =
+                (cos > f32::from(self.cos_emission[k]) * (1.0 / SIGNED_STEPS)) & (!one_sided | (reach > -rounding));
             *out = if lit { importance * tilt } else { 0.0 };
         }
         (out, distance2)
@@ -141,15 +197,21 @@ impl Node {
     /// Squared distance of the middle of each child's box.
     #[inline]
     pub fn distance2(&self, p: Vec3) -> Lanes {
-        std::array::from_fn(|k| {
-            let (x, y, z) = (self.centre[0][k] - p.x, self.centre[1][k] - p.y, self.centre[2][k] - p.z);
-            x * x + y * y + z * z
-        })
+        std::array::from_fn(|k| (self.centre(k) - p).length_squared())
     }
 
     /// Middle of a child's box.
+    #[inline]
     pub fn centre(&self, lane: usize) -> Vec3 {
-        Vec3::new(self.centre[0][lane], self.centre[1][lane], self.centre[2][lane])
+        let of = |k: usize| self.origin[k] + f32::from(self.centre[k][lane]) * self.step[k];
+        Vec3::new(of(0), of(1), of(2))
+    }
+
+    /// Squared radius of the sphere around a child's box.
+    #[inline]
+    pub fn radius2(&self, lane: usize) -> f32 {
+        let of = |k: usize| f32::from(self.half[k][lane]) * self.step[k];
+        Vec3::new(of(0), of(1), of(2)).length_squared()
     }
 }
 

@@ -208,6 +208,24 @@ fn a_lamp_next_to_a_point_is_drawn_nearly_always() {
 }
 
 #[test]
+fn rounded_boxes_hold_their_lights_and_little_more() {
+    let scene = scene(600, false);
+    let tree = LightTree::new(&scene);
+    let mut wider = 0.0f32;
+    for (e, leaf) in tree.leaf.iter().enumerate() {
+        let Some((index, lane)) = *leaf else { continue };
+        let (lo, hi) = scene.lights.emitter_bounds(&scene.shapes, e as u32).expect("finite").bounds;
+        let (node, lane) = (&tree.nodes[index as usize], lane as usize);
+        let c = node.centre(lane);
+        let (needed, kept) = ((hi - c).max(c - lo).length(), node.radius2(lane).sqrt());
+        assert!(kept >= needed * (1.0 - 1e-6), "{needed} {kept}");
+        wider = wider.max(kept - 0.5 * (hi - lo).length());
+    }
+    // Steps are a 65,535th of ten units at most.
+    assert!(wider > 0.0 && wider < 6e-4, "{wider}");
+}
+
+#[test]
 fn cones_hold_what_they_are_made_of() {
     for i in 0..2000 {
         let r = |k| random(i, k);
