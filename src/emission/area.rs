@@ -26,6 +26,8 @@ pub struct Lamp<'a> {
     scene: &'a Scene,
     /// Index of the shape.
     pub shape: u32,
+    /// Area, world units squared: of a mesh the sum over all its triangles, which photons must not ask for again.
+    area: f64,
     /// Where the triangles of a mesh begin along u0, and 1 at the end.
     pub cdf: Vec<f64>,
     table: Option<Piecewise2>,
@@ -48,7 +50,8 @@ pub(super) struct Site {
 impl<'a> Lamp<'a> {
     /// Shape `shape`, which must emit and be no sphere.
     pub fn new(scene: &'a Scene, shape: u32) -> Self {
-        let mut lamp = Lamp { scene, shape, cdf: vec![0.0, 1.0], table: None };
+        let area = f64::from(scene.shapes[shape as usize].area());
+        let mut lamp = Lamp { scene, shape, area, cdf: vec![0.0, 1.0], table: None };
         let count = lamp.geometry().primitive_count();
         let textured = matches!(lamp.geometry().emission, Some(Color::Texture(_)));
         if count > 1 {
@@ -78,7 +81,7 @@ impl<'a> Lamp<'a> {
 
     /// Area, world units squared.
     pub fn area(&self) -> f64 {
-        f64::from(self.geometry().area())
+        self.area
     }
 
     /// Whether positions pass through a table.
