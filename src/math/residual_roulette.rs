@@ -58,6 +58,11 @@ impl Prediction {
     pub fn of_probability(q: f32) -> Self {
         Prediction { q, square: q, residual: q * (1.0 - q) }
     }
+
+    /// The best u of a term over its size t / pi.
+    pub fn check_rate(&self, price: &Price) -> f32 {
+        (self.residual / (price.lambda * price.check)).sqrt()
+    }
 }
 
 /// What things cost, in any one unit, and what variance is worth.
@@ -82,8 +87,13 @@ impl ResidualRoulette {
 
     /// The check that is best for a term of size `t` >= 0, looked at with probability `pi`.
     pub fn residual(t: f32, pi: f32, known: &Prediction, price: &Price) -> Self {
-        let u = t / pi * (known.residual / (price.lambda * price.check)).sqrt();
-        ResidualRoulette { pi, q: known.q, u: bounded(u, LEAST_CHECK) }
+        Self::residual_at_rate(t, pi, known.q, known.check_rate(price))
+    }
+
+    /// The same for the prediction `q`, whose [`Prediction::check_rate`] is `rate`: for many terms of few cases.
+    #[inline]
+    pub fn residual_at_rate(t: f32, pi: f32, q: f32, rate: f32) -> Self {
+        ResidualRoulette { pi, q, u: bounded(t / pi * rate, LEAST_CHECK) }
     }
 
     /// The selection and the check that are best together for a term of size `t` >= 0.

@@ -177,6 +177,12 @@ impl Vpl {
         self.material == ISOTROPIC
     }
 
+    /// Whether its material is a plain Lambertian one.
+    #[inline]
+    pub fn is_lambertian(&self) -> bool {
+        self.material == LAMBERT
+    }
+
     /// A Lambertian light at `p` with the unit normal `n` and the intensity `power` along it; `radius2`: A / pi.
     pub fn lambertian(p: Vec3, n: Vec3, power: Rgb, radius2: f32) -> Self {
         Vpl { p, radius2, n, strength: mean(power), n_shade: n, segments: 1, power, material: LAMBERT }

@@ -74,10 +74,10 @@ impl Node {
         self.distance2(p) <= self.range2 * 1.0001
     }
 
-    /// What one of its lights contributes at `p` to a surface of the given reach, at most and typically (never less than an eighth of the
-    /// bound); `n`: nothing comes from below its plane.
+    /// What one of its lights contributes at most at `p` to a surface of the given reach, and what [`Self::typical`] asks for; `n`: nothing
+    /// comes from below its plane.
     #[inline]
-    pub fn contribution(&self, p: Vec3, n: Option<Vec3>, reach: f32) -> (f32, f32) {
+    pub fn bound(&self, p: Vec3, n: Option<Vec3>, reach: f32) -> (f32, Aspect) {
         let d = self.centre - p;
         let centre2 = d.length_squared();
         let distance2 = (d.abs() - self.half).max(Vec3::ZERO).length_squared();
@@ -85,9 +85,11 @@ impl Node {
         let inverse = 1.0 / distance2.max(f32::MIN_POSITIVE).sqrt();
         let height = n.map_or(0.0, |n| d.dot(n));
         let facing = -d.dot(self.axis);
+        let flux = reach * self.strength;
+        let aspect = Aspect { flux, centre2, height, facing, one_sided: n.is_some() };
         let slack = self.sphere * 1.0001 + 1e-6 * d.abs().max_element();
         let cos_x = match n {
-            Some(_) if height + slack <= 0.0 => return (0.0, 0.0),
+            Some(_) if height + slack <= 0.0 => return (0.0, aspect),
             Some(_) => ((height + slack) * inverse).min(1.0),
             None => 1.0,
         };
@@ -97,18 +99,37 @@ impl Node {
         } else if facing + slack > 0.0 {
             ((facing + slack) * inverse + self.sin).min(1.0)
         } else if facing + slack < -self.sin * (centre2.sqrt() + slack) {
-            return (0.0, 0.0);
+            return (0.0, aspect);
         } else {
             self.sin
         };
-        let flux = reach * self.strength;
-        let bound = flux * cos_x * cos_y / (distance2 + self.radius2).max(f32::MIN_POSITIVE);
-        // Lights of a box lie a third of its sphere's squared radius from its middle, on average.
-        let d2 = centre2 + self.sphere * self.sphere * (1.0 / 3.0);
-        let cosines = if n.is_some() { height.max(0.0) * facing.max(0.0) } else { facing.max(0.0) * d2.sqrt() };
-        let typical = flux * cosines / (d2 * (d2 + self.radius2));
-        (bound, if typical < bound { typical.max(bound * (1.0 / NARROWEST)) } else { bound })
+        (flux * cos_x * cos_y / (distance2 + self.radius2).max(f32::MIN_POSITIVE), aspect)
     }
+
+    /// What one of its lights typically contributes where [`Self::bound`] has given these: never less than an eighth of the bound.
+    #[inline]
+    pub fn typical(&self, bound: f32, at: &Aspect) -> f32 {
+        // Lights of a box lie a third of its sphere's squared radius from its middle, on average.
+        let d2 = at.centre2 + self.sphere * self.sphere * (1.0 / 3.0);
+        let facing = at.facing.max(0.0);
+        let cosines = if at.one_sided { at.height.max(0.0) * facing } else { facing * d2.sqrt() };
+        let typical = at.flux * cosines / (d2 * (d2 + self.radius2));
+        if typical < bound { typical.max(bound * (1.0 / NARROWEST)) } else { bound }
+    }
+}
+
+/// How a group lies to a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Aspect {
+    /// Reach times strength.
+    flux: f32,
+    /// Squared distance of the middle.
+    centre2: f32,
+    /// Of the middle above the surface's plane.
+    height: f32,
+    /// Of the point along the axis of the group.
+    facing: f32,
+    one_sided: bool,
 }
 
 /// The hierarchy; node 0 is the root, if there is any light.
@@ -195,11 +216,11 @@ impl VplTree {
         }
     }
 
-    /// Root of the share of a node's lights that a cache point sees; 1 where none was asked.
+    /// Root of the share of each node's lights that a cache point sees; empty where none was asked.
     #[inline]
-    pub fn seen(&self, node: u32, cache_point: Option<u32>) -> f32 {
-        cache_point
-            .map_or(1.0, |c| self.seen.get(c as usize * self.nodes.len() + node as usize).copied().unwrap_or(1.0))
+    pub fn seen(&self, cache_point: Option<u32>) -> &[f32] {
+        let row = |c: u32| c as usize * self.nodes.len()..(c as usize + 1) * self.nodes.len();
+        cache_point.and_then(|c| self.seen.get(row(c))).unwrap_or(&[])
     }
 }
 

@@ -19,7 +19,7 @@ pub use settings::ManyLightSettings;
 
 use self::eye::Eye;
 use self::lights::{PassLights, Sources, class};
-use self::meter::Meter;
+use self::meter::{Meter, Seen};
 use super::photon::PhotonSettings;
 use super::photon::caustics::Caustics;
 use super::photon::places::places;
@@ -50,8 +50,6 @@ const SHADING_POINTS: usize = 1 << 16;
 /// Camera samples of a trial for the first lambda, and trials.
 const TRIAL: u64 = 512;
 const TRIALS: u32 = 7;
-/// Share of the noisiest pixels that say nothing about the price: fireflies.
-const FIREFLIES: f64 = 0.01;
 /// One camera sample in so many is metered.
 const METERED: u64 = 8;
 /// Separates random numbers of trials and culling from those of samples.
@@ -167,25 +165,33 @@ impl<'a> ManyLight<'a> {
         let [x, y, w, h] = self.window.map(|v| v as f32);
         for trial in 0..TRIALS {
             self.set_ranges(u64::from(trial) | 1 << 63);
-            let rays = (0..TRIAL).into_par_iter().map(|i| {
+            // Two samples of each place: what differs is noise.
+            let pair = |i: u64| {
                 let key = hash(hash(self.settings.seed, STREAM), i);
                 let at = Vec2::new(x + w * unit_f32(key), y + h * unit_f32(hash(key, 1)));
-                let mut rng = Sampler::new(self.settings.seed, key, u64::from(trial));
-                let mut counts = Counts::default();
-                let camera = self.world.scene.camera.ray(at, Vec2::splat(0.5));
-                let (_, _, tally) = self.eye(at).sample(&camera, &mut rng, &mut counts);
-                self.meter.add(&tally, counts.rays + counts.direct.shadow_rays);
-                counts.rays + counts.direct.shadow_rays + tally.counts().shadow_rays
-            });
-            self.prepared.rays += rays.sum::<u64>();
-            self.read_meter();
+                let (eye, camera) = (self.eye(at), self.world.scene.camera.ray(at, Vec2::splat(0.5)));
+                let mut traced = 0;
+                let [a, b] = [0, 1].map(|k| {
+                    let mut rng = Sampler::new(self.settings.seed, key, u64::from(2 * trial + k));
+                    let mut counts = Counts::default();
+                    let (radiance, _, tally) = eye.sample(&camera, &mut rng, &mut counts);
+                    let other = counts.rays + counts.direct.shadow_rays;
+                    self.meter.add(&tally, other);
+                    traced += other + tally.counts().shadow_rays;
+                    radiance.as_dvec3()
+                });
+                (traced, (a - b).length_squared() / 6.0)
+            };
+            let (rays, variances): (Vec<u64>, Vec<f64>) = (0..TRIAL).into_par_iter().map(pair).unzip();
+            self.prepared.rays += rays.iter().sum::<u64>();
+            self.read_meter(Seen::mean(variances).map_or(Seen::Nothing, Seen::OnePass));
         }
     }
 
     /// Takes what the meter says into account.
-    fn read_meter(&mut self) {
+    fn read_meter(&mut self, seen: Seen) {
         let shared = self.shared_cost();
-        if let Some(factor) = self.meter.read(shared, self.variance) {
+        if let Some(factor) = self.meter.read(shared, seen) {
             self.price.lambda *= factor as f32;
         }
     }
@@ -237,7 +243,7 @@ impl Integrator for ManyLight<'_> {
         if pass == 0 {
             self.find_price();
         } else if pass.is_power_of_two() {
-            self.read_meter();
+            self.read_meter(self.variance.map_or(Seen::Nothing, Seen::Passes));
         }
         self.posterior.fold();
         self.set_ranges(pass);
@@ -253,10 +259,7 @@ impl Integrator for ManyLight<'_> {
 
     fn learn(&mut self, film: &Film) {
         let of = |p: &PixelSums| p.variance().iter().sum::<f64>() / 3.0 * f64::from(p.count());
-        let mut all: Vec<f64> = film.pixels().iter().filter(|p| p.count() > 1).map(of).collect();
-        all.sort_by(f64::total_cmp);
-        all.truncate((all.len() as f64 * (1.0 - FIREFLIES)).ceil() as usize);
-        self.variance = (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
+        self.variance = Seen::mean(film.pixels().iter().filter(|p| p.count() > 1).map(of).collect());
     }
 
     fn sample(&self, camera: &CameraRay, _pass: u64, rng: &mut Sampler, counts: &mut Counts) -> (Rgb, Features) {

@@ -98,10 +98,12 @@ impl Coin for Systematic {
     fn toss_many(&mut self, n: u32, p: f32, heads: &mut impl FnMut(u32)) {
         let p = f64::from(p);
         let end = self.sum + f64::from(n) * p;
-        while self.next <= end {
-            let at = ((self.next - self.sum) / p).ceil() - 1.0;
-            heads((at.max(0.0) as u32).min(n - 1));
-            self.next += 1.0;
+        if self.next <= end {
+            let inverse = 1.0 / p;
+            while self.next <= end {
+                heads((((self.next - self.sum) * inverse) as u32).min(n - 1));
+                self.next += 1.0;
+            }
         }
         self.sum = end;
     }

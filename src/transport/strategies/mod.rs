@@ -42,9 +42,9 @@ use crate::math::sampler::{hash, refine};
 use crate::math::{Price, ResidualRoulette, Rgb, Sampler, Vec2};
 use coins::Coins;
 
-/// What it costs to look at a light (tentative contribution, bits of the cache), in shadow rays: 30 to 40 ns, where a ray takes from 0.2 us (in a
-/// plain box) to some us (in hair).
-pub const LOOK: f32 = 0.1;
+/// What it costs to look at a light (tentative contribution, bits of the cache), in shadow rays: 30 ns, where a ray takes from 0.1 us (in a plain
+/// box) to some us (in hair). Too low a price costs a box more than too high a one costs hair, whose rays are few and dear either way.
+pub const LOOK: f32 = 0.2;
 
 /// Strategies by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]

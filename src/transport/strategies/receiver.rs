@@ -69,6 +69,14 @@ impl<'a> Receiver<'a> {
                 if cos <= 0.0 {
                     return Rgb::ZERO;
                 }
+                if light.is_lambertian() {
+                    // What follows, without a root.
+                    let facing = -light.n.dot(d);
+                    if facing <= 0.0 || light.n_shade.dot(d) >= 0.0 {
+                        return Rgb::ZERO;
+                    }
+                    return f * light.power * (cos * facing / (d2 * (d2 + light.radius2)));
+                }
                 f * vpls.arriving(light, -d, d2) * (cos / d2.sqrt())
             }
             None => {

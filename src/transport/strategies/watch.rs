@@ -35,10 +35,10 @@ impl ManyLights<'_> {
 
     /// Probability with which `joint` looks at the light.
     fn selection(&self, r: &Receiver, near: &Neighbours, light: usize) -> Option<f32> {
-        let (nearest, scale) = (near.points.first().copied(), self.selection_scale());
+        let (seen, scale) = (self.tree.seen(near.points.first().copied()), self.selection_scale());
         let mut index = 0;
         loop {
-            match self.group(index, r, nearest, scale, true) {
+            match self.group(index, r, seen, scale, true) {
                 Group::Dark => return None,
                 Group::Open => {
                     let [a, b] = self.tree.children(index);

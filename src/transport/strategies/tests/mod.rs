@@ -305,7 +305,8 @@ fn no_light_is_above_the_bounds_of_its_groups() {
         let bsdf = setting.room.world().bsdf(&at, n);
         let r = Receiver::new(&at, &bsdf, n, Rgb::ONE, [0, u32::MAX], 1);
         for node in setting.tree.nodes() {
-            let (bound, typical) = node.contribution(at.p, r.horizon, r.reach);
+            let (bound, aspect) = node.bound(at.p, r.horizon, r.reach);
+            let typical = node.typical(bound, &aspect);
             assert!(typical <= bound && typical >= 0.1 * bound, "{typical} {bound}");
             for light in &setting.vpls.lights[node.first as usize..(node.first + node.count) as usize] {
                 let t = mean(r.tentative(&setting.vpls, light));
