@@ -166,7 +166,7 @@ fn main() {
         let median = order.get(order.len() / 2).map_or(0.0, |&i| bright(i));
         for &i in order.iter().take(value("brightest", 0.0) as usize) {
             let sent = |h: &dualux::transport::gather_cache::GatherHit| {
-                light.irradiance().get(h.surfel as usize).map_or(0.0, |e| luminance(h.weight * *e))
+                light.irradiance().get(h.reached.surfel()).map_or(0.0, |e| luminance(h.weight * *e))
             };
             let mut hits: Vec<_> = cache.gather_rays().hits(i).iter().map(|h| (sent(h), h)).collect();
             hits.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -9,7 +9,6 @@
 //! Verified by tests/irradiance_cache.rs: against brute force, relighting without a ray
 
 use super::World;
-use super::bright_patches::Patch;
 use super::cache_file::Stored;
 use super::coat::Coat;
 pub use super::gather_hit::GatherHit;
@@ -17,13 +16,14 @@ use super::gather_hit::pack_normal;
 use super::gather_ray::{GlossyLight, RayCounts, light_glossy};
 use super::gather_sky;
 use super::gather_strata::{Estimate, Strata};
-use super::guided_rays::GuidedRays;
+use super::guided_rays::{GuidedRays, Guides};
 use super::reached::Reached;
 use super::riser::{Riser, SECTORS, sector};
+use super::sightings::{Seen, Sightings};
 use super::surfel_light::SurfelLight;
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::{hash, unit_f32};
-use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3};
+use crate::math::{Frame, Rgb, Sampler, Vec2, Vec3, luminance};
 use crate::scene::SurfacePoint;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, TAU};
@@ -128,6 +128,11 @@ impl GatherCache {
         &self.hits[record * self.strata.len()..][..self.strata.len()]
     }
 
+    /// Radiance of the sky in the cells of a record, none if it is not gathered.
+    pub fn sky(&self, record: usize) -> &[Rgb] {
+        self.sky.get(record * self.strata.len()..(record + 1) * self.strata.len()).unwrap_or_default()
+    }
+
     /// The frame of a record: around the shading normal, turned at random.
     pub fn frame(&self, record: usize) -> Frame {
         let n = self.places[record].n_shade;
@@ -138,10 +143,10 @@ impl GatherCache {
 
     /// Traces the gather rays of new records. Hits where there is no surfel yet found one, which is dark until
     /// [`SurfelLight::extend`]; so call that, then [`Self::scatter`].
-    pub fn gather(&mut self, world: &World, surfels: &mut Surfels, places: &[Facet]) {
+    pub fn gather(&mut self, world: &World, surfels: &mut Surfels, places: &[Facet], sightings: Option<&Sightings>) {
         let first = self.places.len();
         self.places.extend_from_slice(places);
-        let with_sky = gather_sky::is_gathered(world);
+        let with_sky = gather_sky::is_gathered(world).then_some(sightings);
         let this = &*self;
         let known = &*surfels;
         let records: Vec<usize> = (first..this.places.len()).collect();
@@ -158,7 +163,13 @@ impl GatherCache {
         }
     }
 
-    fn trace(&self, world: &World, surfels: &Surfels, records: &[usize], with_sky: bool) -> Gathered {
+    fn trace(
+        &self,
+        world: &World,
+        surfels: &Surfels,
+        records: &[usize],
+        with_sky: Option<Option<&Sightings>>,
+    ) -> Gathered {
         let n = self.strata.len();
         let mut sky = Vec::new();
         let mut counts = RayCounts::default();
@@ -185,11 +196,13 @@ impl GatherCache {
                     found,
                 ));
             }
-            if with_sky {
+            if let Some(sightings) = with_sky {
                 let own: Vec<GatherHit> = hits[hits.len() - n..].iter().map(|t| t.hit).collect();
                 let key = hash(hash(self.seed, SKY), record as u64);
                 let place = (&self.places[record], &frame);
-                sky.extend(gather_sky::sky(world, &self.strata, place, &own, n as u32, key, &mut counts));
+                let further = sightings.map_or(Vec::new(), |s| s.rays(Seen::Sky, place.0, &frame, &self.strata));
+                let rays = (n as u32, &further[..]);
+                sky.extend(gather_sky::sky(world, &self.strata, place, &own, rays, key, &mut counts));
             }
         }
         Gathered { hits, glossy, sky, counts }
@@ -238,10 +251,10 @@ impl GatherCache {
         self.seed
     }
 
-    /// Sends rays to bright patches from the records that have not sent any yet. To be called as [`Self::gather`] is.
-    pub fn guide(&mut self, world: &World, surfels: &mut Surfels, patches: &[Patch]) {
+    /// Sends guided rays from the records that have not sent any yet. To be called as [`Self::gather`] is.
+    pub fn guide(&mut self, world: &World, surfels: &mut Surfels, guides: Guides) {
         let mut guided = std::mem::take(&mut self.guided);
-        self.counts += guided.trace(world, surfels, self, patches);
+        self.counts += guided.trace(world, surfels, self, guides);
         self.guided = guided;
     }
 
@@ -290,6 +303,20 @@ impl GatherCache {
             })
             .collect();
         chunks.into_iter().flatten().collect()
+    }
+
+    /// What a unit of the irradiance of surfels brings to a record.
+    pub fn shares(&self, record: usize) -> Vec<(u32, f32)> {
+        let hits = self
+            .hits(record)
+            .iter()
+            .enumerate()
+            .map(|(cell, hit)| (self.guided.share(record * self.strata.len() + cell), hit));
+        let guided = self.guided.hits(record).iter().map(|(_, hit)| (1.0, hit));
+        let known = hits.chain(guided).filter(|(_, hit)| hit.reached != Reached::NONE);
+        known
+            .map(|(share, hit)| (hit.reached.surfel() as u32, luminance(hit.weight) * share / self.strata.len() as f32))
+            .collect()
     }
 
     /// What rises from the surface around a record, in each sector of its tangent plane counted from `frame.s`: the nearest

@@ -4,8 +4,9 @@
 //! what the walls send on. Windows are small, so rays beyond the gather rays are sent where those have found the sky:
 //!
 //! ```text
-//! L_i = mean of L V over n_i jittered directions of cell i,   n_i = 1 + round(n h_i / sum h)
+//! L_i = mean of L V over n_i jittered directions of cell i,   n_i = 1 + round(n h_i / sum h) + s_i
 //!       h_i = gather rays among cell i and its neighbours that left the scene
+//!       s_i = further rays by what records nearby have seen (`sightings.rs`): a window behind a gap is too small for gather rays
 //! ```
 //!
 //! The gather rays themselves are not counted: they decided where the others go, and counting them would bias the sum. Every cell has a
@@ -36,13 +37,13 @@ pub fn is_gathered(world: &World) -> bool {
     contrast > 0.0 && contrast <= SOFT
 }
 
-/// Mean radiance of the sky in each cell of a record, by one ray each and about `rays` more. `hits` are those of its gather rays, `key` is its own.
+/// Mean radiance of the sky in each cell of a record, by one ray each, about `rays` and those of `further` more. `hits` are those of its gather rays, `key` is its own.
 pub fn sky(
     world: &World,
     strata: &Strata,
     (place, frame): (&Facet, &Frame),
     hits: &[GatherHit],
-    rays: u32,
+    (rays, further): (u32, &[u32]),
     key: u64,
     counts: &mut RayCounts,
 ) -> Vec<Rgb> {
@@ -54,7 +55,8 @@ pub fn sky(
     let scene = world.scene;
     (0..n)
         .map(|i| {
-            let count = 1 + if total > 0.0 { (rays as f32 * near[i] / total).round() as u32 } else { 0 };
+            let own = if total > 0.0 { (rays as f32 * near[i] / total).round() as u32 } else { 0 };
+            let count = 1 + own + further.get(i).copied().unwrap_or(0);
             let mut sum = Rgb::ZERO;
             for k in 0..count {
                 let mut rng = Sampler::new(hash(key, SKY), i as u64, u64::from(k));
@@ -74,14 +76,12 @@ pub fn sky(
 
 /// For each cell, gather rays that left the scene, of itself and of the eight around it.
 fn neighbourhoods(strata: &Strata, hits: &[GatherHit]) -> Vec<f32> {
-    let (rows, columns) = (strata.rows, strata.columns);
-    let left = |j: usize, k: usize| hits[j * columns + k % columns].inverse_distance == 0.0;
+    let left = |cell: usize| u32::from(hits[cell].inverse_distance == 0.0);
     (0..strata.len())
         .map(|i| {
-            let (j, k) = (i / columns, i % columns);
-            let around =
-                (j.saturating_sub(1)..(j + 2).min(rows)).flat_map(|j| (0..3).map(move |dk| (j, k + columns - 1 + dk)));
-            around.filter(|&(j, k)| left(j, k)).count() as f32
+            let mut count = 0;
+            strata.around(i, |cell| count += left(cell));
+            count as f32
         })
         .collect()
 }

@@ -130,6 +130,16 @@ impl Strata {
         if one_plane { 0.5 * (ia + ib) } else { ia.max(ib) }
     }
 
+    /// The cell and those around it, as far as there are any.
+    pub fn around(&self, cell: usize, mut visit: impl FnMut(usize)) {
+        let (j, k) = (cell / self.columns, cell % self.columns);
+        for row in j.saturating_sub(1)..(j + 2).min(self.rows) {
+            for dk in 0..3 {
+                visit(row * self.columns + (k + self.columns - 1 + dk) % self.columns);
+            }
+        }
+    }
+
     /// [`Self::inverse_depth`] of each hit of a record to the column before and to the row beyond.
     pub fn depths<'h>(&self, hits: &'h [GatherHit]) -> impl Iterator<Item = [f32; 2]> + use<'h> {
         let n = self.columns;

@@ -39,12 +39,14 @@ use super::cache_record::{BORDER, Record};
 use super::cache_settings::{CacheSettings, CacheStatistics, Place};
 use super::gather_cache::GatherCache;
 use super::gather_ray::RayCounts;
+use super::sightings::Sightings;
 use super::sphere_octree::SphereOctree;
 use super::surfel_light::{HitLight, SurfelLight, SurfelSettings};
 use super::surfels::Facet;
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec3, luminance, warp};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// New records of one round: bounds, and their share of the records there are.
 const ROUND: (usize, usize) = (64, 1024);
@@ -78,6 +80,14 @@ pub struct IrradianceCache<'a> {
     patches: Vec<Patch>,
     /// Number of records at which they are looked for again.
     look_at: usize,
+    /// What records have seen, for those nearby.
+    sightings: Option<Arc<Sightings>>,
+    /// Number of records beyond which they tell more than those that did.
+    sights_at: usize,
+    /// Number of records when surfels last took further light samples.
+    sharpened: usize,
+    /// Whether records came from a file: these stay.
+    loaded: bool,
 }
 
 impl<'a> IrradianceCache<'a> {
@@ -97,6 +107,10 @@ impl<'a> IrradianceCache<'a> {
             judges: true,
             patches: Vec::new(),
             look_at: LOOK.0,
+            sightings: None,
+            sights_at: 0,
+            sharpened: 0,
+            loaded: false,
         };
         cache.limit_bounces(settings.bounces);
         cache
@@ -235,17 +249,29 @@ impl<'a> IrradianceCache<'a> {
         self.patches.clone_from(&other.patches);
         // Fewer records know less of patches.
         self.look_at = other.records.len().max(LOOK.0);
+        self.sightings = other.sight().filter(|_| self.settings.guided).map(Arc::new);
+        self.sights_at = other.records.len();
     }
 
-    /// Solves for all bounces between the surfels found so far and evaluates all records with them. Radii stay.
+    /// Solves for all bounces between the surfels found so far and evaluates all records with them; if there are new ones, surfels on which much
+    /// depends take further light samples first. Radii stay.
     pub fn finish(&mut self) {
         let Some(light) = &mut self.light else { return };
         light.solve();
+        self.update();
+        if self.records.len() > self.sharpened && self.sharpen() {
+            self.update();
+        }
+        self.index();
+    }
+
+    /// Evaluates all records under the light of the surfels as it is.
+    fn update(&mut self) {
+        let Some(light) = &self.light else { return };
         let estimates = self.gather.evaluate(0..self.records.len(), light);
         for (i, (record, e)) in self.records.iter_mut().zip(&estimates).enumerate() {
             record.update(&self.gather.frame(i), e);
         }
-        self.index();
     }
 
     /// Another limit of bounces, as of the next [`Self::finish`].
@@ -270,7 +296,11 @@ impl<'a> IrradianceCache<'a> {
         if let Some(surfels) = &mut self.light {
             surfels.relight(&world, light);
             self.gather.scatter(&world, true);
+            // What records want of surfels is a matter of their own light.
             self.resize();
+            if self.sharpen() {
+                self.resize();
+            }
         }
     }
 
@@ -338,6 +368,7 @@ impl<'a> IrradianceCache<'a> {
         self.records.put(out);
         self.patches.put(out);
         self.look_at.put(out);
+        self.sharpened.put(out);
     }
 
     /// The cache whose fields [`Self::put_fields`] wrote.
@@ -347,11 +378,15 @@ impl<'a> IrradianceCache<'a> {
         (cache.min_radii, cache.left) = (Vec::take(from)?, usize::take(from)?);
         (cache.hopeless, cache.records) = (Vec::take(from)?, Vec::take(from)?);
         (cache.patches, cache.look_at) = (Vec::take(from)?, usize::take(from)?);
+        (cache.sharpened, cache.loaded) = (usize::take(from)?, true);
         let n = cache.gather.len();
         if cache.min_radii.len() != n || cache.records.len() != n || cache.patches.len() > bright_patches::MOST_PATCHES
         {
             return None;
         }
+        cache.limit_bounces(cache.settings.bounces);
+        cache.sightings = cache.sight().filter(|_| cache.settings.guided).map(Arc::new);
+        cache.sights_at = n;
         cache.index();
         Some(cache)
     }

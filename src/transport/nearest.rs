@@ -13,17 +13,24 @@
 use super::obstacle::NONE;
 use super::photon::Photon;
 use super::photon_lanes::Arrival;
-use crate::math::{Mat3, Vec3};
+use crate::math::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::f32::consts::PI;
 use std::num::NonZero;
+
+/// Nine times a rotation that brings no axis near another.
+const TURN: [Vec3; 3] = [Vec3::new(1.0, 8.0, -4.0), Vec3::new(-4.0, 4.0, 7.0), Vec3::new(8.0, 1.0, 4.0)];
+
+/// `p` as kd-trees hold it, in a frame in which axis-aligned walls are not at right angles to an axis.
+pub(super) fn turned(p: Vec3) -> [f32; 3] {
+    TURN.map(|row| row.dot(p) / 9.0)
+}
 
 /// Photons for nearest-neighbour queries.
 #[derive(Debug)]
 pub struct NearestPhotons {
     tree: Option<ImmutableKdTree<f32, 3>>,
     arrivals: Vec<Arrival>,
-    turn: Mat3,
     k: NonZero<usize>,
     greatest: f32,
 }
@@ -31,31 +38,23 @@ pub struct NearestPhotons {
 impl NearestPhotons {
     /// For queries of the `k` nearest (2 at least) within the radius `greatest`.
     pub fn build(photons: &[Photon], k: u32, greatest: f32) -> Self {
-        // No axis-aligned direction is near an axis afterwards.
-        let turn = Mat3::from_euler(glam::EulerRot::XYZ, 0.61, 0.83, 0.37);
         let usable: Vec<&Photon> = photons.iter().filter(|p| p.p.is_finite()).collect();
         let arrival = |p: &&Photon| {
             let Photon { wi, n, flux, shading, segments, .. } = **p;
             Arrival { power: flux, wi, n, shading, segments, obstacle: NONE, clear: 0.0 }
         };
         let arrivals = usable.iter().map(arrival).collect();
-        let points: Vec<[f32; 3]> = usable.iter().map(|p| (turn * p.p).to_array()).collect();
+        let points: Vec<[f32; 3]> = usable.iter().map(|p| turned(p.p)).collect();
         // Building fails for points that are not finite only, and these are out.
         let tree = (!points.is_empty()).then(|| ImmutableKdTree::new_from_slice(&points).ok()).flatten();
-        NearestPhotons {
-            tree,
-            arrivals,
-            turn,
-            k: NonZero::new(k.max(2) as usize).unwrap_or(NonZero::<usize>::MIN),
-            greatest,
-        }
+        NearestPhotons { tree, arrivals, k: NonZero::new(k.max(2) as usize).unwrap_or(NonZero::<usize>::MIN), greatest }
     }
 
     /// Calls `visit` with each photon that counts and its weight, per area.
     pub fn visit(&self, x: Vec3, visit: &mut impl FnMut(&Arrival, f32)) {
         let Some(tree) = &self.tree else { return };
         let most = self.greatest * self.greatest;
-        let query = (self.turn * x).to_array();
+        let query = turned(x);
         let found = tree.query(&query).nearest_n::<SquaredEuclidean<f32>>(self.k).within(most).unsorted().execute();
         let full = found.len() == self.k.get();
         let r2 = if full { found.iter().fold(0.0, |r: f32, q| r.max(q.distance)) } else { most };

@@ -20,7 +20,7 @@ const CONVERGED: f32 = 1e-4;
 /// Most sweeps: with the least albedo 0.98 of a closed white room this leaves 0.2 % of the light.
 const MAX_SWEEPS: u32 = 300;
 /// Limits of bounces up to which surfaces on the way of a ray count: of more, one or two fewer do not show.
-const MOST_LEVELS: u32 = 16;
+const MOST_LEVELS: u32 = 15;
 
 impl SurfelLight {
     /// Irradiance of what a chain of rays from a record has reached: where paths have a greatest length, that of the bounces which the chain
@@ -97,6 +97,20 @@ impl SurfelLight {
     /// What the rays of large surfel `k` bring of the light of other surfels.
     fn gathered(&self, k: usize) -> Rgb {
         self.row(k).iter().map(|e| e.weight * self.total[e.reached.surfel()]).sum()
+    }
+
+    /// Importance of surfels whose own importance is `own`: the adjoint of `sweeps` bounces.
+    pub(super) fn importance(&self, own: Vec<f32>, sweeps: u32) -> Vec<f32> {
+        let mut importance = own.clone();
+        for _ in 0..sweeps.min(self.settings().bounces.unwrap_or(u32::MAX)) {
+            let mut gathered = vec![0.0; own.len()];
+            importance.iter().zip(&self.gatherer).for_each(|(j, l)| gathered[*l as usize] += j);
+            importance.copy_from_slice(&own);
+            for (k, j) in gathered.into_iter().enumerate().filter(|(_, j)| *j > 0.0) {
+                self.row(k).iter().for_each(|e| importance[e.reached.surfel()] += luminance(e.weight) * j);
+            }
+        }
+        importance
     }
 
     /// Gauss-Seidel sweeps over the large surfels from `start` on, which the others follow.

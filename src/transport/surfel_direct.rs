@@ -21,9 +21,10 @@ use rayon::prelude::*;
 /// Aim for the relative variance of a surfel's direct light.
 const DIRECT_VARIANCE: f32 = 0.05;
 /// Most light samples over the least number.
-const MAX_MORE_SAMPLES: f32 = 8.0;
-/// Places within its cell at which a surfel's direct light is sampled, in turn.
-const SPREAD: u32 = 4;
+const MAX_MORE_SAMPLES: f32 = 4.0;
+/// Places within its cell at which a surfel's direct light is sampled, in turn; of surfels on which much depends.
+pub(super) const PLACES: u32 = 4;
+pub(super) const MANY_PLACES: u32 = 16;
 /// Surfels from which the number of samples is found out.
 const PILOT: usize = 2048;
 /// Surfels that one task works on.
@@ -34,7 +35,7 @@ const PILOT_B: u64 = 0x5d5;
 const WITHIN: u64 = 0x5d6;
 
 /// Places within a cell.
-type Spread = ArrayVec<Facet, { SPREAD as usize }>;
+type Spread = ArrayVec<Facet, { MANY_PLACES as usize }>;
 
 /// Light samples per surfel that bring the variance of direct light to `DIRECT_VARIANCE` times its squared mean, by the
 /// difference of two estimates at each of the first ones.
@@ -47,8 +48,8 @@ pub(super) fn samples_needed(world: &World, surfels: &Surfels, settings: SurfelS
             let mut counts = RayCounts::default();
             [PILOT_A, PILOT_B].map(|stream| {
                 let key = hash(settings.seed, stream);
-                let places = places_of(world, surfels, i, least, key, i as u64, &mut counts);
-                luminance(direct(world, &places, least, key, i as u64, &mut counts))
+                let places = places_of(world, surfels, i, (least, PLACES), key, i as u64, &mut counts);
+                luminance(direct(world, &places, least, key, i as u64, &mut counts).mean)
             })
         })
         .collect();
@@ -64,12 +65,12 @@ pub(super) fn samples_needed(world: &World, surfels: &Surfels, settings: SurfelS
     (least as f32 * more).round() as u32
 }
 
-/// Places in the cell of surfel `k`, one for each of `samples` but no more than [`SPREAD`], at least one.
+/// Places in the cell of surfel `k`, one for each of `samples` but no more than `most`, at least one.
 pub(super) fn places_of(
     world: &World,
     surfels: &Surfels,
     k: usize,
-    samples: u32,
+    (samples, most): (u32, u32),
     seed: u64,
     stream: u64,
     counts: &mut RayCounts,
@@ -79,7 +80,16 @@ pub(super) fn places_of(
         let mut rng = Sampler::new(hash(seed, WITHIN), stream, u64::from(i));
         surfels.spread(world, k, rng.next_2d())
     };
-    (0..samples.clamp(1, SPREAD)).map(place).collect()
+    (0..samples.clamp(1, most)).map(place).collect()
+}
+
+/// Direct irradiance by several light samples.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sampled {
+    /// Irradiance.
+    pub mean: Rgb,
+    /// Variance of one sample's luminance.
+    pub variance: f32,
 }
 
 /// Irradiance directly from all lights, the mean over `places`.
@@ -90,13 +100,20 @@ pub(super) fn direct(
     seed: u64,
     stream: u64,
     counts: &mut RayCounts,
-) -> Rgb {
-    let coats: ArrayVec<Coat, { SPREAD as usize }> = places.iter().map(|p| Coat::new(world, p)).collect();
+) -> Sampled {
+    let coats: ArrayVec<Coat, { MANY_PLACES as usize }> = places.iter().map(|p| Coat::new(world, p)).collect();
     let sample = |s: u32| {
         let k = s as usize % places.len();
         direct_sample(world, &places[k], &coats[k], Sampler::new(seed, stream, u64::from(s)).next_4d(), counts)
     };
-    (0..samples).map(sample).sum::<Rgb>() / samples.max(1) as f32
+    let (mut sum, mut squares) = (Rgb::ZERO, 0.0);
+    for value in (0..samples).map(sample) {
+        sum += value;
+        squares += luminance(value).powi(2);
+    }
+    let n = samples.max(1) as f32;
+    let (mean, unbiased) = (sum / n, n / (n - 1.0).max(1.0));
+    Sampled { mean, variance: ((squares / n - luminance(mean).powi(2)) * unbiased).max(0.0) }
 }
 
 /// Irradiance directly from all lights, by `samples` light samples.

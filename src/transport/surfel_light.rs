@@ -10,9 +10,9 @@
 //! times the sum of what glossy vertices of the rays scatter from lamps; weight_r = throughput times albedo at the end of
 //! ray r, s(r) the surfel there. Directions have the density cos / pi per solid angle, so the factors pi cancel.
 //! Solved in `surfel_bounces.rs`.
-//! Rays of surfels found the next ones, in the largest cells; ends of *their* rays for which there is no surfel take one in a wider
-//! neighbourhood, and where there is none that sees the place found one as well, and so on: light finds its way through any number of
-//! rooms. When there are too many, the rest of the row stands for the lost rays.
+//! Rays of surfels found the next ones, in the largest cells, some by lot if there were too many; the others and the ends of *their* rays
+//! take a surfel of a wider neighbourhood, and where there is none that sees the place found one as well, and so on: light finds its way
+//! through any number of rooms. When there are too many in spite of that, the rest of the row stands for the lost rays.
 //! Source      METHODS: direct-to-indirect transfer over clustered hits; cf. Hasan, Pellacini, Bala 2006
 //! Bias        that of the clusters (`surfels.rs`) and of the neighbours of third order; none from the number of samples
 //! Verified by tests/irradiance_cache.rs: furnaces (E = pi L / (1 - rho) to 1e-3), against path tracing, relighting
@@ -22,7 +22,7 @@ use super::cache_file::stored;
 use super::coat::Coat;
 use super::gather_ray::{GlossyLight, RayCounts, light_glossy};
 use super::reached::Reached;
-use super::surfel_direct::{direct, places_of, samples_needed};
+use super::surfel_direct::{PLACES, Sampled, direct, places_of, samples_needed};
 use super::surfels::{Facet, Surfels};
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec3, warp};
@@ -39,6 +39,7 @@ const CHUNK: usize = 64;
 const DIRECT: u64 = 0x5d1;
 const ROWS: u64 = 0x5d2;
 const GLOSSY: u64 = 0x5d3;
+const FOUNDS: u64 = 0x5d9;
 
 /// Irradiance by position and normal.
 pub type IrradianceAt<'a> = &'a (dyn Fn(Vec3, Vec3) -> Rgb + Sync);
@@ -96,6 +97,9 @@ pub struct SurfelLight {
     pub(super) own: Vec<Rgb>,
     /// C.
     pub(super) caustic: Vec<Rgb>,
+    /// Variance of one light sample (luminance) and the number of them.
+    pub(super) variance: Vec<f32>,
+    pub(super) samples: Vec<u32>,
     /// I of large surfels.
     pub(super) indirect: Vec<Rgb>,
     /// G of large surfels.
@@ -121,6 +125,8 @@ stored!(SurfelLight {
     light_samples,
     own,
     caustic,
+    variance,
+    samples,
     indirect,
     scattered,
     total,
@@ -150,6 +156,8 @@ impl SurfelLight {
             light_samples: None,
             own: Vec::new(),
             caustic: Vec::new(),
+            variance: Vec::new(),
+            samples: Vec::new(),
             indirect: Vec::new(),
             scattered: Vec::new(),
             total: Vec::new(),
@@ -190,7 +198,7 @@ impl SurfelLight {
                 break;
             }
             self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
-            // No more than two for each gather ray: in hair and foliage every ray would find a new one. From the second generation on: wider
+            // No more than three for each gather ray: in hair and foliage every ray would find a new one. From the second generation on: wider
             // neighbourhoods, and not much more than there is.
             let coarse = generation > 0;
             let most =
@@ -204,8 +212,15 @@ impl SurfelLight {
         for values in [&mut self.own, &mut self.caustic, &mut self.indirect, &mut self.scattered, &mut self.total] {
             values.extend_from_slice(&zeros);
         }
+        self.variance.resize(self.surfels.len(), 0.0);
+        self.samples.resize(self.surfels.len(), 0);
         self.light(world, light, first);
         self.sweeps(first, self.settings.bounces.unwrap_or(u32::MAX).min(8));
+    }
+
+    /// The settings.
+    pub(super) fn settings(&self) -> &SurfelSettings {
+        &self.settings
     }
 
     /// Evaluates all light anew, without a gather ray.
@@ -247,6 +262,22 @@ impl SurfelLight {
                 (found, glossy, counts)
             })
             .collect();
+        let ends = traced.iter().flat_map(|(found, ..)| found.iter().flatten());
+        let mut unknown: Vec<Facet> = ends.filter(|f| f.surfel.is_none() && !coarse).map(|f| f.at).collect();
+        // Too many, perhaps: lots are drawn, so that not always the last ones are left out. What they have seen may be nobody else's, such as
+        // another room.
+        if self.surfels.len() + unknown.len() > most {
+            let lot = |i: usize| hash(hash(seed, FOUNDS), hash(start as u64, i as u64));
+            let mut drawn: Vec<(u64, Facet)> = unknown.into_iter().enumerate().map(|(i, at)| (lot(i), at)).collect();
+            drawn.sort_unstable_by_key(|(lot, _)| *lot);
+            unknown = drawn.into_iter().map(|(_, at)| at).collect();
+        }
+        for at in &unknown {
+            if self.surfels.len() >= most {
+                break;
+            }
+            self.surfels.find_or_insert(world, at, f32::INFINITY);
+        }
         let mut next = start;
         for (found, glossy, counts) in traced {
             self.counts += counts;
@@ -259,13 +290,8 @@ impl SurfelLight {
                 next += 1;
                 let (begin, mut lost) = (self.entries.len(), 0);
                 for f in row.iter().flatten() {
-                    let surfel = match f.surfel {
-                        None if coarse || self.surfels.len() >= most => {
-                            self.surfels.find_or_insert_coarse(world, &f.at, most)
-                        }
-                        None => Some(self.surfels.find_or_insert(world, &f.at, f32::INFINITY)),
-                        known => known,
-                    };
+                    let known = f.surfel.or_else(|| self.surfels.find(world, &f.at, f32::INFINITY).filter(|_| !coarse));
+                    let surfel = known.or_else(|| self.surfels.find_or_insert_coarse(world, &f.at, most + most / 2));
                     match surfel {
                         Some(surfel) => {
                             let reached = Reached::new(surfel, f.segments);
@@ -291,29 +317,32 @@ impl SurfelLight {
             _ => samples_needed(world, &self.surfels, self.settings),
         });
         let (settings, glossy) = (self.settings, &self.glossy);
-        let lit: Vec<([Rgb; 2], RayCounts)> = places
+        let lit: Vec<([Rgb; 2], f32, RayCounts)> = places
             .par_iter()
             .enumerate()
             .with_min_len(CHUNK)
             .map(|(i, place)| {
                 let mut counts = RayCounts::default();
-                let [own, caustic] = match light {
-                    HitLight::Map { total } => [total(place.p, place.n_shade), Rgb::ZERO],
+                let ([own, caustic], variance) = match light {
+                    HitLight::Map { total } => ([total(place.p, place.n_shade), Rgb::ZERO], 0.0),
                     HitLight::Operator { caustic } | HitLight::OneBounce { caustic } => {
                         let stream = (start + i) as u64;
                         let key = hash(settings.seed, DIRECT);
-                        let places = places_of(world, &self.surfels, start + i, samples, key, stream, &mut counts);
+                        let wanted = (samples, PLACES);
+                        let places = places_of(world, &self.surfels, start + i, wanted, key, stream, &mut counts);
                         // Of caustics one place must do: asking for them costs as much as many shadow rays.
                         let somewhere = &places[0];
                         let caustic = caustic(somewhere.p, somewhere.n_shade);
-                        [caustic + direct(world, &places, samples, key, stream, &mut counts), caustic]
+                        let Sampled { mean, variance } = direct(world, &places, samples, key, stream, &mut counts);
+                        ([caustic + mean, caustic], variance)
                     }
                 };
-                (if own.is_finite() { [own, caustic] } else { [Rgb::ZERO; 2] }, counts)
+                if own.is_finite() { ([own, caustic], variance, counts) } else { ([Rgb::ZERO; 2], 0.0, counts) }
             })
             .collect();
-        for (k, (value, counts)) in (start..).zip(lit) {
+        for (k, (value, variance, counts)) in (start..).zip(lit) {
             [self.own[k], self.caustic[k]] = value;
+            (self.variance[k], self.samples[k]) = (variance, samples);
             self.counts += counts;
         }
         self.scattered[start..].fill(Rgb::ZERO);

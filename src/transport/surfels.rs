@@ -50,7 +50,7 @@ const MORE: f32 = 1.5;
 const LONELY: f32 = 0.4;
 /// ... or more than this whatever the rays: memory and rows have their price.
 const TOO_MANY: usize = 20 * MANY;
-/// Coarse cells, in which some place is always found, over the largest ordinary ones.
+/// Coarse cells over the largest ordinary ones, for places that are to be represented by what there is.
 const COARSE: f32 = 4.0;
 const NONE: u32 = u32::MAX;
 
@@ -153,6 +153,11 @@ impl Surfels {
         self.edge(u32::from(self.levels[k]))
     }
 
+    /// What surfel `k` has in common with those near it that face the same way.
+    pub fn neighbourhood(&self, k: usize) -> u64 {
+        self.coarse_key(&self.places[k])
+    }
+
     /// Number of surfels.
     pub fn len(&self) -> usize {
         self.places.len()
@@ -241,8 +246,12 @@ impl Surfels {
         self.clear.push(clear);
         self.levels.push(level as u8);
         self.next.push(before.unwrap_or(NONE));
-        self.coarse.entry(Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)).or_insert(k);
+        self.coarse.entry(self.coarse_key(at)).or_insert(k);
         k
+    }
+
+    fn coarse_key(&self, at: &Facet) -> u64 {
+        Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)
     }
 
     /// A place in the cell of surfel `k`, uniform in the tangent plane for `u` in `[0,1)^2`, and the surfel's own place where
@@ -277,18 +286,18 @@ impl Surfels {
     /// Builds the grids over the places as they are.
     fn rehash(&mut self) {
         (self.first, self.coarse) = (Grid::default(), Grid::default());
-        for (k, at) in self.places.iter().enumerate() {
-            let level = u32::from(self.levels[k]);
+        for k in 0..self.places.len() {
+            let (at, level) = (&self.places[k], u32::from(self.levels[k]));
             let key = Self::key(self.edge(level), level, at.p, at.n_geo);
             self.next[k] = self.first.insert(key, k as u32).unwrap_or(NONE);
-            self.coarse.entry(Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)).or_insert(k as u32);
+            self.coarse.entry(self.coarse_key(at)).or_insert(k as u32);
         }
     }
 
     /// Some surfel in the neighbourhood that faces the same way, for light of so high an order that it hardly varies, or where there are too
-    /// many; a new one where there is none, or none that sees the place. `None` if that would make more than `most` surfels.
+    /// many; a new one where there is none that sees the place. `None` if that would make more than `most` surfels.
     pub fn find_or_insert_coarse(&mut self, world: &World, at: &Facet, most: usize) -> Option<u32> {
-        if let Some(&k) = self.coarse.get(&Self::key(COARSE * self.cell, LEVELS + 1, at.p, at.n_geo)) {
+        if let Some(&k) = self.coarse.get(&self.coarse_key(at)) {
             let s = &self.places[k as usize];
             if s.n_geo.dot(at.n_geo) > 0.5 && Self::unobstructed(world, at, s.p, LIFT * self.cell) {
                 return Some(k);

@@ -36,6 +36,7 @@ use self::renewed_cache::RenewedCache;
 use super::{Counts, Integrator, Told};
 use crate::emission::DensityMap;
 use crate::image::film::{Features, Film};
+use crate::math::sampler::hash;
 use crate::math::{Rgb, Sampler};
 use crate::scene::camera::CameraRay;
 use crate::transport::antialias::{AntialiasSettings, samples_per_pixel};
@@ -132,6 +133,16 @@ impl<'a> Photon<'a> {
         }
     }
 
+    /// Finds out how often caches are worth to be renewed, from the cache before and the present one.
+    fn compare_caches(&mut self, before: &IrradianceCache<'a>, pass: u64) {
+        let present = self.eye();
+        let before = Eye { cache: Some(before), ..self.eye() };
+        let found = Found::new([&before, &present], self.window, hash(self.settings.seed, pass));
+        if let Some(cache) = &mut self.cache {
+            cache.learn(found);
+        }
+    }
+
     fn eye(&self) -> Eye<'_> {
         Eye {
             world: self.world,
@@ -180,7 +191,10 @@ impl Integrator for Photon<'_> {
         self.global_map = self.global.as_ref().map(|g| g.map(pass));
         self.emitted += self.global.as_ref().map_or(0, Global::count);
         if let Some(cache) = &mut self.cache {
-            cache.renew(pass, self.map.as_ref(), over);
+            let before = cache.renew(pass, self.map.as_ref(), over);
+            if let Some(before) = before.filter(|_| !over()) {
+                self.compare_caches(&before, pass);
+            }
         }
         if pass == 1 && !over() {
             self.weigh_caustics(before);

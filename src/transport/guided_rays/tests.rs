@@ -7,7 +7,8 @@ use super::super::surfels::Facet;
 use super::*;
 use crate::math::{DMat4, luminance};
 use crate::scene::description::GeometryDesc;
-use crate::transport::tests::{Room, add, diffuse, empty};
+use crate::transport::sightings::Teller;
+use crate::transport::tests::{Room, add, diffuse, empty, screened_floor, through_hole};
 
 const ALBEDO: f32 = 0.5;
 /// Gather rays.
@@ -87,7 +88,7 @@ fn guided_rays_keep_the_mean_and_lower_the_variance() {
     // Half of the records tell where the spot is, all are guided to it.
     let half = facets.len() / 2;
     for range in [0..half, half..facets.len()] {
-        cache.gather(&world, &mut light.surfels, &facets[range]);
+        cache.gather(&world, &mut light.surfels, &facets[range], None);
         light.extend(&world, &hit_light, cache.len() * RAYS as usize);
     }
     let alone = cache.evaluate(0..cache.len(), &light);
@@ -96,7 +97,7 @@ fn guided_rays_keep_the_mean_and_lower_the_variance() {
     let patches = bright_patches::find(&light.surfels, light.irradiance(), known);
     assert!(!patches.is_empty() && patches.iter().all(|p| (p.center - MIDDLE).length() < 0.2), "{patches:?}");
     let before = cache.counts.rays;
-    cache.guide(&world, &mut light.surfels, &patches);
+    cache.guide(&world, &mut light.surfels, Guides { patches: &patches, sightings: None });
     light.extend(&world, &hit_light, cache.len() * RAYS as usize);
     let guided = cache.evaluate(0..cache.len(), &light);
     let more = (cache.counts.rays - before) as f64 / (facets.len() as f64 * f64::from(RAYS));
@@ -127,7 +128,7 @@ fn records_must_not_be_guided_by_what_they_found_themselves() {
         let mut light = SurfelLight::new(0.002, settings);
         let gathered = |light: &mut SurfelLight, seed| {
             let mut cache = GatherCache::new(RAYS, seed);
-            cache.gather(&world, &mut light.surfels, &facets);
+            cache.gather(&world, &mut light.surfels, &facets, None);
             light.extend(&world, &hit_light, cache.len() * RAYS as usize);
             cache
         };
@@ -136,7 +137,7 @@ fn records_must_not_be_guided_by_what_they_found_themselves() {
         let known = (0..telling.len()).map(|i| (telling.places()[i], luminance(alone[i].irradiance), telling.hits(i)));
         let patches = bright_patches::find(&light.surfels, light.irradiance(), known);
         let mut cache = gathered(&mut light, seed);
-        cache.guide(&world, &mut light.surfels, &patches);
+        cache.guide(&world, &mut light.surfels, Guides { patches: &patches, sightings: None });
         light.extend(&world, &hit_light, cache.len() * RAYS as usize);
         errors(&cache.evaluate(0..cache.len(), &light), &facets, SMALLEST)[0]
     };
@@ -144,6 +145,96 @@ fn records_must_not_be_guided_by_what_they_found_themselves() {
     let (own, others) = (mean(0), mean(1000));
     assert!(others.abs() < 0.07, "{others} by the patches of others");
     assert!(own < -0.08, "{own} by their own");
+}
+
+/// Relative root mean square error, mean error and its standard error.
+fn of_sky(sky: impl Iterator<Item = (f64, f64)>) -> [f64; 3] {
+    let all: Vec<f64> = sky.map(|(got, expected)| got / expected - 1.0).collect();
+    let n = all.len() as f64;
+    let mean = all.iter().sum::<f64>() / n;
+    let square = all.iter().map(|e| e * e).sum::<f64>() / n;
+    [square.sqrt(), mean, ((square - mean * mean) / n).sqrt()]
+}
+
+#[test]
+fn what_others_saw_of_a_small_spot_or_window_keeps_the_mean_and_lowers_the_variance() {
+    // A spot that a few gather rays meet: half of the records tell, the others are guided.
+    let (room, spot) = (closed_box(), [400.0, 0.1]);
+    let world = room.world();
+    let facets = places(&room);
+    let half = facets.len() / 2;
+    let total = walls(spot);
+    let hit_light = HitLight::Map { total: &total };
+    let settings = SurfelSettings { light_samples: 1, gather_rays: 1, bounces: None, seed: 1 };
+    let mut light = SurfelLight::new(0.02, settings);
+    let mut telling = GatherCache::new(RAYS, 7);
+    telling.gather(&world, &mut light.surfels, &facets[..half], None);
+    light.extend(&world, &hit_light, half * RAYS as usize);
+    let told = telling.evaluate(0..half, &light);
+    let tellers: Vec<Teller> = (0..half)
+        .map(|i| Teller { place: facets[i], level: luminance(told[i].irradiance), hits: telling.hits(i), sky: &[] })
+        .collect();
+    let sightings = Sightings::of(light.irradiance(), &tellers).expect("the spot is bright");
+    let (mut plain, mut guided) = (Vec::new(), Vec::new());
+    let mut twice = Vec::new();
+    for seed in 0..6 {
+        let mut cache = GatherCache::new(RAYS, 100 + seed);
+        cache.gather(&world, &mut light.surfels, &facets[half..], None);
+        light.extend(&world, &hit_light, half * RAYS as usize);
+        plain.extend(cache.evaluate(0..cache.len(), &light));
+        let before = cache.counts.rays;
+        cache.guide(&world, &mut light.surfels, Guides { patches: &[], sightings: Some(&sightings) });
+        light.extend(&world, &hit_light, half * RAYS as usize);
+        guided.extend(cache.evaluate(0..cache.len(), &light));
+        let more = (cache.counts.rays - before) as f64 / (cache.len() as f64 * f64::from(RAYS));
+        assert!(more > 0.02 && more <= 1.0, "{more} rays for each gather ray");
+        cache.guided.shares.fill(1.0);
+        twice.extend(cache.evaluate(0..cache.len(), &light));
+    }
+    let repeated: Vec<Facet> = (0..6).flat_map(|_| facets[half..].to_vec()).collect();
+    let [[_, plain, _], [mean, rms, sigma]] = [&plain, &guided].map(|all| errors(all, &repeated, spot));
+    assert!(rms < 0.6 * plain, "{rms} with further rays, {plain} without");
+    assert!(mean.abs() < 0.005 + 3.0 * sigma, "{mean} +- {sigma}");
+    let [twice, _, sigma] = errors(&twice, &repeated, spot);
+    assert!(twice > 0.05 + 3.0 * sigma, "counted twice: {twice} +- {sigma}");
+
+    // The sky through a hole that a record meets by one ray or none.
+    let hole = [0.05, 0.15];
+    let room = screened_floor(hole);
+    let world = room.world();
+    let on_floor = |salt: u64| -> Vec<Facet> {
+        let down = |i: u64| {
+            let u = Sampler::new(6, salt, i).next_2d();
+            let eye = Vec3::new(u.x - 0.5, 0.5, u.y - 0.5);
+            let g = world.gather(eye, -Vec3::Y, &mut Sampler::new(6, 0, i), &mut RayCounts::default(), |_| {});
+            g.end.map(|end| Facet::seen_from(&end.at, end.wo))
+        };
+        (0..400).filter_map(down).collect()
+    };
+    let (tellers, listeners) = (on_floor(1), on_floor(2));
+    let gathered = |facets: &[Facet], seed, sightings: Option<&Sightings>| {
+        let mut surfels = Surfels::new(0.1);
+        let mut cache = GatherCache::new(RAYS, seed);
+        cache.gather(&world, &mut surfels, facets, sightings);
+        cache
+    };
+    let telling = gathered(&tellers, 1, None);
+    let told = |(i, place): (usize, &Facet)| Teller {
+        place: *place,
+        level: through_hole(hole, place.p) as f32,
+        hits: telling.hits(i),
+        sky: telling.sky(i),
+    };
+    let told: Vec<Teller> = tellers.iter().enumerate().map(told).collect();
+    let sightings = Sightings::of(&[], &told).expect("the hole is bright");
+    let errors = |sightings: Option<&Sightings>| {
+        let cache = gathered(&listeners, 2, sightings);
+        let got = |i: usize| cache.sky(i).iter().map(|l| f64::from(l.x)).sum::<f64>() * std::f64::consts::PI / 256.0;
+        of_sky((0..listeners.len()).map(|i| (got(i), through_hole(hole, listeners[i].p))))
+    };
+    let [[alone, ..], [rms, mean, sigma]] = [None, Some(&sightings)].map(errors);
+    assert!(rms < 0.5 * alone, "{rms} with further rays, {alone} without");
+    assert!(mean.abs() < 3.0 * sigma, "{mean} +- {sigma}");
 }
 
 #[test]

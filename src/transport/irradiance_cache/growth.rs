@@ -5,12 +5,16 @@ use super::super::cache_record::{RadiusLimits, Record};
 use super::super::cache_settings::Place;
 use super::super::gather_cache::GatherCache;
 use super::super::gather_strata::Estimate;
+use super::super::guided_rays::Guides;
+use super::super::sightings::{Sightings, Teller};
+use super::super::surfel_demand::Demand;
 use super::super::surfel_light::HitLight;
 use super::super::surfels::Facet;
 use super::{DARK, IrradianceCache, LOOK, is_smallest};
 use crate::math::sampler::hash;
 use crate::math::{Rgb, luminance};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A shape is given up if of so many records on it, or more, this share has the least radius: hair, leaves.
 const HOPELESS: (usize, f32) = (256, 0.45);
@@ -18,6 +22,10 @@ const HOPELESS: (usize, f32) = (256, 0.45);
 const SAME_SURFACE: f32 = 0.7;
 /// Most records that are gathered anew once they have told of bright patches, and the stream of random numbers of their new rays.
 const AGAIN: usize = 512;
+/// Number of records at which they tell anew what they have seen, times the number before: a quotient.
+const SIGHT: (usize, usize) = (5, 4);
+/// Relative standard deviation of records by bright hits from which on they are.
+const UNEVEN: f32 = 0.15;
 const AGAIN_STREAM: u64 = 0x1cb;
 
 impl IrradianceCache<'_> {
@@ -62,8 +70,9 @@ impl IrradianceCache<'_> {
     /// Gathers at places: gather rays, those to bright patches, and the light of what they hit.
     fn gather_at(&mut self, facets: &[Facet], hit_light: &HitLight) {
         let Some(light) = &mut self.light else { return };
-        self.gather.gather(&self.world, &mut light.surfels, facets);
-        self.gather.guide(&self.world, &mut light.surfels, &self.patches);
+        self.gather.gather(&self.world, &mut light.surfels, facets, self.sightings.as_deref());
+        let guides = Guides { patches: &self.patches, sightings: self.sightings.as_deref() };
+        self.gather.guide(&self.world, &mut light.surfels, guides);
         light.extend(&self.world, hit_light, self.gather.len() * self.gather.strata.len());
         self.gather.scatter(&self.world, false);
     }
@@ -71,37 +80,88 @@ impl IrradianceCache<'_> {
     /// Looks for bright patches if it is time to. Records to come send rays to them, and none of those that have told where they are: rays that
     /// have found a patch by chance must not be weighed by that. The first few records are gathered anew.
     pub(super) fn look_for_patches(&mut self, hit_light: &HitLight) {
-        let Some(light) = self.light.as_ref().filter(|_| self.settings.guided && self.records.len() >= self.look_at)
-        else {
+        let Some(light) = self.light.as_ref().filter(|_| self.settings.guided) else { return };
+        let few = self.records.len() <= AGAIN && !self.loaded;
+        let mut uneven = false;
+        if self.records.len() > self.sights_at {
+            let before = self.sightings.is_some();
+            self.sightings = self.sight().map(Arc::new);
+            self.sights_at = self.records.len() * SIGHT.0 / SIGHT.1;
+            uneven = !before && self.sightings.as_ref().is_some_and(|s| s.deviation() > UNEVEN);
+        }
+        if self.records.len() < self.look_at {
+            self.guide_from_now_on(uneven && few, hit_light);
             return;
-        };
+        }
         self.look_at = LOOK.1 * self.records.len();
-        let mean = self.records.iter().map(|r| luminance(r.irradiance)).sum::<f32>() / self.records.len() as f32;
-        let levels: Vec<f32> = self
-            .records
-            .iter()
-            .zip(self.gather.places())
-            .map(|(record, place)| {
-                let outshone = self.at_hit(place, f32::INFINITY).map_or(0.0, luminance);
-                luminance(record.irradiance).max(DARK * mean).max(outshone)
-            })
-            .collect();
-        let records =
-            levels.iter().enumerate().map(|(i, level)| (self.gather.places()[i], *level, self.gather.hits(i)));
-        let patches = bright_patches::find(&light.surfels, light.irradiance(), records);
+        let records = self.told();
+        let patches = bright_patches::find(
+            &light.surfels,
+            light.irradiance(),
+            records.iter().map(|r| (r.place, r.level, r.hits)),
+        );
         if !patches.is_empty() {
             let first = self.patches.is_empty();
             self.patches = patches;
-            if first && self.records.len() <= AGAIN {
-                self.start_again(hit_light);
-            }
+            uneven |= first;
         }
-        self.gather.leave_unguided();
+        self.guide_from_now_on(uneven && few, hit_light);
     }
 
-    /// Gathers anew for the records there are.
+    /// Records there are have told and send no rays to what they told of, or are made `again`.
+    fn guide_from_now_on(&mut self, again: bool, hit_light: &HitLight) {
+        if again {
+            self.start_again(hit_light);
+        }
+        if self.sightings.is_some() || !self.patches.is_empty() {
+            self.gather.leave_unguided();
+        }
+    }
+
+    /// Place, irradiance and hits of each record. Light that comes to the place directly outshines noise, so irradiance is no less than that of
+    /// the surfel there.
+    fn told(&self) -> Vec<Teller<'_>> {
+        let mean = self.records.iter().map(|r| luminance(r.irradiance)).sum::<f32>() / self.records.len() as f32;
+        let tell = |i: usize| {
+            let (record, place) = (&self.records[i], &self.gather.places()[i]);
+            let outshone = self.at_hit(place, f32::INFINITY).map_or(0.0, luminance);
+            let level = luminance(record.irradiance).max(DARK * mean).max(outshone);
+            Teller { place: *place, level, hits: self.gather.hits(i), sky: self.gather.sky(i) }
+        };
+        (0..self.records.len()).into_par_iter().with_min_len(64).map(tell).collect()
+    }
+
+    /// Further light samples where the records want them; whether any.
+    pub(super) fn sharpen(&mut self) -> bool {
+        let demand = self.demand();
+        let Some(light) = &mut self.light else { return false };
+        let sharper = light.sharpen(&self.world, &demand);
+        self.sharpened = self.records.len();
+        if sharper {
+            light.solve();
+        }
+        sharper
+    }
+
+    /// What the records want of the surfels.
+    fn demand(&self) -> Demand {
+        let mut demand = Demand::default();
+        for (i, Teller { level, .. }) in self.told().into_iter().enumerate() {
+            let shares = self.gather.shares(i);
+            demand.add(shares.into_iter().map(|(surfel, w)| (surfel, w / level)).collect());
+        }
+        demand
+    }
+
+    /// What the records have seen.
+    pub(super) fn sight(&self) -> Option<Sightings> {
+        let light = self.light.as_ref()?;
+        Sightings::of(light.irradiance(), &self.told())
+    }
+
+    /// Gathers anew for the records there are, by other rays.
     fn start_again(&mut self, hit_light: &HitLight) {
-        let other = GatherCache::new(self.settings.gather_rays, hash(self.settings.seed, AGAIN_STREAM));
+        let other = GatherCache::new(self.settings.gather_rays, hash(self.gather.seed(), AGAIN_STREAM));
         let before = std::mem::replace(&mut self.gather, other);
         (self.gather.most_segments, self.gather.counts) = (before.most_segments, before.counts);
         self.gather_at(before.places(), hit_light);

@@ -4,7 +4,7 @@
 //! angle, by its sine and cosine: no angle is computed. Every lane does the same plain arithmetic without a branch, which
 //! compilers turn into vector instructions, those of AVX2 where the processor has them; it is exact to the last bit with any of them.
 //!
-//! What a choice among many lamps costs is memory: a node is kept in 272 bytes. Boxes are whole numbers of 65,535 steps of the node's own box,
+//! What a choice among many lamps costs is memory: a node is kept in 276 bytes. Boxes are whole numbers of 65,535 steps of the node's own box,
 //! axes of 32,767 steps of 1, cones the sine of half their angle. Boxes and cones are rounded outwards, from the middle as it is read
 //! back; what rounding of the axis does to a cosine is allowed for where emission ends.
 

@@ -13,7 +13,7 @@ mod walk;
 use super::photon_map::{Kernel, PhotonSettings};
 use crate::accel::Accel;
 use crate::emission::{EmissionDensity, EmittedRay, Spread};
-use crate::math::{DMat4, DVec3, Rgb, Sampler, Vec3, warp};
+use crate::math::{DMat4, DVec3, Rgb, Sampler, Vec3, polygon, warp};
 use crate::scene::description::*;
 use crate::scene::{Color, Description, Material, Scene};
 use std::f32::consts::PI;
@@ -71,6 +71,33 @@ pub fn glass(eta: f32) -> Material {
 pub fn add(scene: &mut Description, geometry: GeometryDesc, to_world: DMat4, material: MaterialId) {
     let name = format!("shape {}", scene.shapes.len());
     scene.shapes.push(ShapeDesc { name, geometry, to_world, flip_normals: false, material, emission: None });
+}
+
+/// A floor at y = 0, and at y = 1 a screen without end with a square hole, x and z from `low` to `high`, under a sky of radiance 1.
+pub fn screened_floor([low, high]: [f64; 2]) -> Room {
+    let mut scene = empty();
+    scene.lights = vec![LightDesc::Constant { radiance: Rgb::ONE }];
+    let grey = diffuse(&mut scene, 0.5);
+    add(&mut scene, GeometryDesc::Rectangle, square(DVec3::ZERO, DVec3::Y, 1000.0), grey);
+    for [x, z] in
+        [[[-1e3, 1e3], [-1e3, low]], [[-1e3, 1e3], [high, 1e3]], [[-1e3, low], [low, high]], [[high, 1e3], [low, high]]]
+    {
+        let (half, middle) = (|[a, b]: [f64; 2]| 0.5 * (b - a), |[a, b]: [f64; 2]| 0.5 * (a + b));
+        let to_world = DMat4::from_cols(
+            (DVec3::X * half(x)).extend(0.0),
+            (DVec3::Z * half(z)).extend(0.0),
+            (-DVec3::Y).extend(0.0),
+            DVec3::new(middle(x), 1.0, middle(z)).extend(1.0),
+        );
+        add(&mut scene, GeometryDesc::Rectangle, to_world, grey);
+    }
+    Room::new(scene)
+}
+
+/// The sky's irradiance on the floor of [`screened_floor`] at `p`.
+pub fn through_hole([low, high]: [f64; 2], p: Vec3) -> f64 {
+    let corners = [[low, low], [low, high], [high, high], [high, low]];
+    polygon::irradiance(&corners.map(|[x, z]| DVec3::new(x, 1.0, z) - p.as_dvec3()), DVec3::Y).abs()
 }
 
 /// The square `[-half, half]^2` in the plane through `centre` with normal `n`.

@@ -1,8 +1,10 @@
 //! Which cells surfels stand for.
 
 use super::*;
-use crate::math::Vec2;
+use crate::math::{Vec2, luminance};
 use crate::transport::gather_ray::{GatherEnd, RayCounts};
+use crate::transport::surfel_demand::Demand;
+use crate::transport::surfel_light::{HitLight, SurfelLight, SurfelSettings};
 use crate::transport::surfels::{Facet, Surfels};
 
 /// A floor at y = 0 with `on_it`.
@@ -70,4 +72,49 @@ fn cells_double_where_surfels_are_hardly_shared_only() {
     // Hardly more rays than surfels, as in hair.
     surfels.coarsen(surfels.len() * 3 / 2);
     assert_eq!(surfels.cell(), 0.2);
+}
+
+#[test]
+fn further_light_samples_keep_the_mean_and_go_where_records_want_them() {
+    let hole = [-0.25, 0.25];
+    let room = screened_floor(hole);
+    let world = room.world();
+    let dark = |_: Vec3, _: Vec3| Rgb::ZERO;
+    let (mut before, mut after, mut left) = (Vec::new(), Vec::new(), Vec::new());
+    let mut most = 0;
+    for seed in 0..4 {
+        let settings = SurfelSettings { light_samples: 4, gather_rays: 1, bounces: Some(0), seed };
+        let mut light = SurfelLight::new(0.02, settings);
+        for i in 0..900 {
+            let [x, z] = [i / 30, i % 30].map(|k| 0.02 * k as f32 - 0.3);
+            let end = gathered(&room, Vec3::new(x, 0.5, z), -Vec3::Y).end.expect("the floor is there");
+            light.surfels.find_or_insert(&world, &Facet::seen_from(&end.at, end.wo), f32::INFINITY);
+        }
+        light.extend(&world, &HitLight::OneBounce { caustic: &dark }, 100_000);
+        // One record sees the first half of them.
+        let half = light.surfels.len() / 2;
+        let mut demand = Demand::default();
+        demand.add((0..half as u32).map(|k| (k, 1.0)).collect());
+        let error = |light: &SurfelLight, k: usize| {
+            f64::from(luminance(light.own[k])) / through_hole(hole, light.surfels.places()[k].p) - 1.0
+        };
+        before.extend((0..half).map(|k| error(&light, k)));
+        let unwanted = light.samples[half + 1];
+        assert!(light.sharpen(&world, &demand), "a hole that few samples find");
+        after.extend((0..half).map(|k| error(&light, k)));
+        left.extend((half..light.surfels.len()).map(|k| light.samples[k] - unwanted));
+        most = most.max(light.samples[..half].iter().copied().max().unwrap_or(0));
+    }
+    assert!(left.iter().all(|more| *more == 0), "samples where none are wanted");
+    assert!(most > 12, "{most} samples");
+    let moments = |all: &[f64]| {
+        let n = all.len() as f64;
+        let mean = all.iter().sum::<f64>() / n;
+        (mean, all.iter().map(|e| e * e).sum::<f64>() / n, n)
+    };
+    let (_, plain, _) = moments(&before);
+    let (mean, square, n) = moments(&after);
+    // Four times the samples and more.
+    assert!(square < 0.35 * plain, "{square} with further samples, {plain} without");
+    assert!(mean.abs() < 4.0 * (square / n).sqrt(), "{mean} +- {}", (square / n).sqrt());
 }
