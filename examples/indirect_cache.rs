@@ -165,10 +165,8 @@ fn main() {
         order.sort_by(|&a, &b| bright(b).total_cmp(&bright(a)));
         let median = order.get(order.len() / 2).map_or(0.0, |&i| bright(i));
         for &i in order.iter().take(value("brightest", 0.0) as usize) {
-            let sent = |h: &dualux::transport::gather_cache::GatherHit| {
-                light.irradiance().get(h.reached.surfel()).map_or(0.0, |e| luminance(h.weight * *e))
-            };
-            let mut hits: Vec<_> = cache.gather_rays().hits(i).iter().map(|h| (sent(h), h)).collect();
+            let sent = cache.gather_rays().hits(i).iter().map(|h| (h.brings(light.irradiance()), h));
+            let mut hits: Vec<_> = sent.collect();
             hits.sort_by(|a, b| b.0.total_cmp(&a.0));
             let n = hits.len() as f32;
             let diffuse: f32 = hits.iter().map(|h| h.0).sum::<f32>() / n;

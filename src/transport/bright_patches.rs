@@ -23,8 +23,9 @@
 
 use super::cache_file::stored;
 use super::gather_cache::GatherHit;
+use super::sightings::Teller;
 use super::surfels::{Facet, Surfels};
-use crate::math::{Rgb, Vec3, luminance};
+use crate::math::{Rgb, Vec3};
 use arrayvec::ArrayVec;
 use std::collections::BTreeMap;
 
@@ -117,15 +118,11 @@ impl Patch {
     }
 }
 
-/// The patches that the hits of records tell of: `records` are place, irradiance (luminance, positive) and hits of each.
-pub fn find<'h>(
-    surfels: &Surfels,
-    irradiance: &[Rgb],
-    records: impl Iterator<Item = (Facet, f32, &'h [GatherHit])> + Clone,
-) -> Vec<Patch> {
-    let brings = |hit: &GatherHit| irradiance.get(hit.reached.surfel()).map_or(0.0, |e| luminance(hit.weight * *e));
+/// The patches that the hits of records tell of.
+pub fn find(surfels: &Surfels, irradiance: &[Rgb], records: &[Teller]) -> Vec<Patch> {
+    let brings = |hit: &GatherHit| hit.brings(irradiance);
     // Of each record what bright hits bring to it, and the number of its hits.
-    let by_chance = records.clone().map(|(_, level, hits)| {
+    let by_chance = records.iter().map(|Teller { level, hits, .. }| {
         let bright: f32 = hits.iter().map(brings).filter(|v| *v > BRIGHT * level).sum();
         (bright / hits.len() as f32, hits.len())
     });
@@ -133,10 +130,10 @@ pub fn find<'h>(
     let (count, n) = (by_chance.len(), by_chance.first().map_or(1, |(_, n)| *n));
     let usual = by_chance.iter().map(|(bright, _)| bright).sum::<f32>() / count.max(1) as f32;
     let mut found = BTreeMap::<u32, f32>::new();
-    for ((_, level, hits), (bright, _)) in records.clone().zip(&by_chance) {
+    for (Teller { level, hits, .. }, (bright, _)) in records.iter().zip(&by_chance) {
         // Those that were lucky see no more of the patch than others.
         let level = (level - bright).max(0.0) + usual;
-        for hit in hits {
+        for hit in *hits {
             let ratio = brings(hit) / level;
             if ratio > BRIGHT {
                 *found.entry(hit.reached.surfel() as u32).or_default() += (ratio / n as f32).powi(2);
@@ -163,7 +160,7 @@ pub fn find<'h>(
     let mut patches: Vec<Patch> = divide(bright.collect(), SMALL * surfels.cell()).iter().map(|g| around(g)).collect();
     for patch in &mut patches {
         let typical = |place: &Facet| patch.cone(place, n as u32).map_or(0.0, |(_, k, g)| k * g * g);
-        patch.typical = records.clone().map(|(place, ..)| typical(&place)).sum::<f32>() / count as f32;
+        patch.typical = records.iter().map(|teller| typical(&teller.place)).sum::<f32>() / count as f32;
     }
     patches
 }

@@ -146,11 +146,12 @@ impl GatherCache {
     pub fn gather(&mut self, world: &World, surfels: &mut Surfels, places: &[Facet], sightings: Option<&Sightings>) {
         let first = self.places.len();
         self.places.extend_from_slice(places);
-        let with_sky = gather_sky::is_gathered(world).then_some(sightings);
+        let with_sky = gather_sky::is_gathered(world);
         let this = &*self;
         let known = &*surfels;
         let records: Vec<usize> = (first..this.places.len()).collect();
-        let traced: Vec<_> = records.par_chunks(CHUNK).map(|chunk| this.trace(world, known, chunk, with_sky)).collect();
+        let traced: Vec<_> =
+            records.par_chunks(CHUNK).map(|chunk| this.trace(world, known, chunk, (with_sky, sightings))).collect();
         for Gathered { hits, glossy, sky, counts } in traced {
             self.counts += counts;
             self.sky.extend(sky);
@@ -168,7 +169,7 @@ impl GatherCache {
         world: &World,
         surfels: &Surfels,
         records: &[usize],
-        with_sky: Option<Option<&Sightings>>,
+        (with_sky, sightings): (bool, Option<&Sightings>),
     ) -> Gathered {
         let n = self.strata.len();
         let mut sky = Vec::new();
@@ -196,7 +197,7 @@ impl GatherCache {
                     found,
                 ));
             }
-            if let Some(sightings) = with_sky {
+            if with_sky {
                 let own: Vec<GatherHit> = hits[hits.len() - n..].iter().map(|t| t.hit).collect();
                 let key = hash(hash(self.seed, SKY), record as u64);
                 let place = (&self.places[record], &frame);

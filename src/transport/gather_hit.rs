@@ -4,7 +4,7 @@
 
 use super::cache_file::stored;
 use super::reached::Reached;
-use crate::math::{Rgb, Vec2, Vec3};
+use crate::math::{Rgb, Vec2, Vec3, luminance};
 
 /// What a gather ray of a record has hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +27,11 @@ impl GatherHit {
     /// Geometric normal at the end, towards the ray.
     pub fn normal(&self) -> Vec3 {
         unpack_normal(self.packed_normal)
+    }
+
+    /// What it brings where surfels have this `irradiance`: pi times the luminance of its radiance.
+    pub fn brings(&self, irradiance: &[Rgb]) -> f32 {
+        irradiance.get(self.reached.surfel()).map_or(0.0, |e| luminance(self.weight * *e))
     }
 }
 

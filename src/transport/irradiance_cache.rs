@@ -222,7 +222,7 @@ impl<'a> IrradianceCache<'a> {
             let rest = open.split_off(size);
             let round: Vec<Place> = open.iter().map(|&i| places[i as usize]).collect();
             self.add(&round, light);
-            self.look_for_patches(light);
+            self.look_for_light(light);
             budget -= size;
             open = self.uncovered(places, rest);
             if open.is_empty() {
@@ -249,7 +249,7 @@ impl<'a> IrradianceCache<'a> {
         self.patches.clone_from(&other.patches);
         // Fewer records know less of patches.
         self.look_at = other.records.len().max(LOOK.0);
-        self.sightings = other.sight().filter(|_| self.settings.guided).map(Arc::new);
+        self.sightings = other.sight().filter(|_| self.settings.guided);
         self.sights_at = other.records.len();
     }
 
@@ -385,7 +385,7 @@ impl<'a> IrradianceCache<'a> {
             return None;
         }
         cache.limit_bounces(cache.settings.bounces);
-        cache.sightings = cache.sight().filter(|_| cache.settings.guided).map(Arc::new);
+        cache.sightings = cache.sight().filter(|_| cache.settings.guided);
         cache.sights_at = n;
         cache.index();
         Some(cache)

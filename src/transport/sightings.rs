@@ -96,8 +96,7 @@ impl Sightings {
                 }
             };
             for hit in hits.iter().filter(|hit| hit.inverse_distance > 0.0) {
-                let brings = irradiance.get(hit.reached.surfel()).map_or(0.0, |e| luminance(hit.weight * *e));
-                add(place.p + hit.direction / hit.inverse_distance, brings, Seen::Surface);
+                add(place.p + hit.direction / hit.inverse_distance, hit.brings(irradiance), Seen::Surface);
             }
             for (hit, sky) in hits.iter().zip(*sky) {
                 add(hit.direction, PI * luminance(*sky), Seen::Sky);

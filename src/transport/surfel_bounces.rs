@@ -102,7 +102,7 @@ impl SurfelLight {
     /// Importance of surfels whose own importance is `own`: the adjoint of `sweeps` bounces.
     pub(super) fn importance(&self, own: Vec<f32>, sweeps: u32) -> Vec<f32> {
         let mut importance = own.clone();
-        for _ in 0..sweeps.min(self.settings().bounces.unwrap_or(u32::MAX)) {
+        for _ in 0..sweeps.min(self.settings.bounces.unwrap_or(u32::MAX)) {
             let mut gathered = vec![0.0; own.len()];
             importance.iter().zip(&self.gatherer).for_each(|(j, l)| gathered[*l as usize] += j);
             importance.copy_from_slice(&own);

@@ -82,7 +82,7 @@ impl SurfelLight {
         if !(scale > 0.0 && scale.is_finite()) {
             return false;
         }
-        let key = hash(self.settings().seed, FURTHER);
+        let key = hash(self.settings.seed, FURTHER);
         let surfels = &self.surfels;
         let further: Vec<_> = weights
             .par_iter()

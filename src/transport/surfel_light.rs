@@ -218,11 +218,6 @@ impl SurfelLight {
         self.sweeps(first, self.settings.bounces.unwrap_or(u32::MAX).min(8));
     }
 
-    /// The settings.
-    pub(super) fn settings(&self) -> &SurfelSettings {
-        &self.settings
-    }
-
     /// Evaluates all light anew, without a gather ray.
     pub fn relight(&mut self, world: &World, light: &HitLight) {
         self.light(world, light, 0);
@@ -290,7 +285,9 @@ impl SurfelLight {
                 next += 1;
                 let (begin, mut lost) = (self.entries.len(), 0);
                 for f in row.iter().flatten() {
-                    let known = f.surfel.or_else(|| self.surfels.find(world, &f.at, f32::INFINITY).filter(|_| !coarse));
+                    // Founded by now, perhaps.
+                    let found = || if coarse { None } else { self.surfels.find(world, &f.at, f32::INFINITY) };
+                    let known = f.surfel.or_else(found);
                     let surfel = known.or_else(|| self.surfels.find_or_insert_coarse(world, &f.at, most + most / 2));
                     match surfel {
                         Some(surfel) => {

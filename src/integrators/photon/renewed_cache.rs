@@ -173,17 +173,10 @@ impl<'a> RenewedCache<'a> {
         (self.made > 1).then_some(before)
     }
 
-    /// k of the next cache.
-    fn fineness(&self) -> f32 {
-        if self.made == 0 {
-            return 1.0;
-        }
-        fineness((self.rays().total() as f64 + self.samples * RAYS_PER_SAMPLE) / self.first_rays)
-    }
-
     /// The next cache.
     fn finer(&self, light: &HitLight, over: &(dyn Fn() -> bool + Sync)) -> IrradianceCache<'a> {
-        let finer = self.fineness();
+        let all = self.rays().total() as f64 + self.samples * RAYS_PER_SAMPLE;
+        let finer = if self.made == 0 { 1.0 } else { fineness(all / self.first_rays) };
         let settings = CacheSettings {
             error: self.usual.error / finer,
             surfel_cell: self.usual.surfel_cell / finer.sqrt(),

@@ -8,7 +8,7 @@ use super::*;
 use crate::math::{DMat4, luminance};
 use crate::scene::description::GeometryDesc;
 use crate::transport::sightings::Teller;
-use crate::transport::tests::{Room, add, diffuse, empty, screened_floor, through_hole};
+use crate::transport::tests::{Room, add, diffuse, empty, moments, screened_floor, through_hole};
 
 const ALBEDO: f32 = 0.5;
 /// Gather rays.
@@ -64,14 +64,21 @@ fn places(room: &Room) -> Vec<Facet> {
     (0..150).filter_map(seen).filter(|f| f.p.x < 0.9).collect()
 }
 
+/// The first records, with these estimates.
+fn tellers<'c>(cache: &'c GatherCache, estimates: &[Estimate]) -> Vec<Teller<'c>> {
+    let tell = |(i, e): (usize, &Estimate)| Teller {
+        place: cache.places()[i],
+        level: luminance(e.irradiance),
+        hits: cache.hits(i),
+        sky: cache.sky(i),
+    };
+    estimates.iter().enumerate().map(tell).collect()
+}
+
 /// Mean and root mean square of the relative errors, and the standard error of the mean.
 fn errors(estimates: &[Estimate], places: &[Facet], spot: [f32; 2]) -> [f64; 3] {
-    let n = places.len() as f64;
     let error = |(e, place): (&Estimate, &Facet)| f64::from(luminance(e.irradiance)) / expected(place, spot) - 1.0;
-    let all: Vec<f64> = estimates.iter().zip(places).map(error).collect();
-    let mean = all.iter().sum::<f64>() / n;
-    let square = all.iter().map(|e| e * e).sum::<f64>() / n;
-    [mean, square.sqrt(), ((square - mean * mean) / n).sqrt()]
+    moments(&estimates.iter().zip(places).map(error).collect::<Vec<f64>>())
 }
 
 #[test]
@@ -92,9 +99,7 @@ fn guided_rays_keep_the_mean_and_lower_the_variance() {
         light.extend(&world, &hit_light, cache.len() * RAYS as usize);
     }
     let alone = cache.evaluate(0..cache.len(), &light);
-    let level = |i: usize| luminance(alone[i].irradiance);
-    let known = (0..half).map(|i| (cache.places()[i], level(i), cache.hits(i)));
-    let patches = bright_patches::find(&light.surfels, light.irradiance(), known);
+    let patches = bright_patches::find(&light.surfels, light.irradiance(), &tellers(&cache, &alone[..half]));
     assert!(!patches.is_empty() && patches.iter().all(|p| (p.center - MIDDLE).length() < 0.2), "{patches:?}");
     let before = cache.counts.rays;
     cache.guide(&world, &mut light.surfels, Guides { patches: &patches, sightings: None });
@@ -134,8 +139,7 @@ fn records_must_not_be_guided_by_what_they_found_themselves() {
         };
         let telling = gathered(&mut light, told);
         let alone = telling.evaluate(0..telling.len(), &light);
-        let known = (0..telling.len()).map(|i| (telling.places()[i], luminance(alone[i].irradiance), telling.hits(i)));
-        let patches = bright_patches::find(&light.surfels, light.irradiance(), known);
+        let patches = bright_patches::find(&light.surfels, light.irradiance(), &tellers(&telling, &alone));
         let mut cache = gathered(&mut light, seed);
         cache.guide(&world, &mut light.surfels, Guides { patches: &patches, sightings: None });
         light.extend(&world, &hit_light, cache.len() * RAYS as usize);
@@ -145,15 +149,6 @@ fn records_must_not_be_guided_by_what_they_found_themselves() {
     let (own, others) = (mean(0), mean(1000));
     assert!(others.abs() < 0.07, "{others} by the patches of others");
     assert!(own < -0.08, "{own} by their own");
-}
-
-/// Relative root mean square error, mean error and its standard error.
-fn of_sky(sky: impl Iterator<Item = (f64, f64)>) -> [f64; 3] {
-    let all: Vec<f64> = sky.map(|(got, expected)| got / expected - 1.0).collect();
-    let n = all.len() as f64;
-    let mean = all.iter().sum::<f64>() / n;
-    let square = all.iter().map(|e| e * e).sum::<f64>() / n;
-    [square.sqrt(), mean, ((square - mean * mean) / n).sqrt()]
 }
 
 #[test]
@@ -171,10 +166,7 @@ fn what_others_saw_of_a_small_spot_or_window_keeps_the_mean_and_lowers_the_varia
     telling.gather(&world, &mut light.surfels, &facets[..half], None);
     light.extend(&world, &hit_light, half * RAYS as usize);
     let told = telling.evaluate(0..half, &light);
-    let tellers: Vec<Teller> = (0..half)
-        .map(|i| Teller { place: facets[i], level: luminance(told[i].irradiance), hits: telling.hits(i), sky: &[] })
-        .collect();
-    let sightings = Sightings::of(light.irradiance(), &tellers).expect("the spot is bright");
+    let sightings = Sightings::of(light.irradiance(), &tellers(&telling, &told)).expect("the spot is bright");
     let (mut plain, mut guided) = (Vec::new(), Vec::new());
     let mut twice = Vec::new();
     for seed in 0..6 {
@@ -211,28 +203,29 @@ fn what_others_saw_of_a_small_spot_or_window_keeps_the_mean_and_lowers_the_varia
         };
         (0..400).filter_map(down).collect()
     };
-    let (tellers, listeners) = (on_floor(1), on_floor(2));
+    let (speakers, listeners) = (on_floor(1), on_floor(2));
     let gathered = |facets: &[Facet], seed, sightings: Option<&Sightings>| {
         let mut surfels = Surfels::new(0.1);
         let mut cache = GatherCache::new(RAYS, seed);
         cache.gather(&world, &mut surfels, facets, sightings);
         cache
     };
-    let telling = gathered(&tellers, 1, None);
+    let telling = gathered(&speakers, 1, None);
     let told = |(i, place): (usize, &Facet)| Teller {
         place: *place,
         level: through_hole(hole, place.p) as f32,
         hits: telling.hits(i),
         sky: telling.sky(i),
     };
-    let told: Vec<Teller> = tellers.iter().enumerate().map(told).collect();
+    let told: Vec<Teller> = speakers.iter().enumerate().map(told).collect();
     let sightings = Sightings::of(&[], &told).expect("the hole is bright");
     let errors = |sightings: Option<&Sightings>| {
         let cache = gathered(&listeners, 2, sightings);
         let got = |i: usize| cache.sky(i).iter().map(|l| f64::from(l.x)).sum::<f64>() * std::f64::consts::PI / 256.0;
-        of_sky((0..listeners.len()).map(|i| (got(i), through_hole(hole, listeners[i].p))))
+        let error = |i: usize| got(i) / through_hole(hole, listeners[i].p) - 1.0;
+        moments(&(0..listeners.len()).map(error).collect::<Vec<f64>>())
     };
-    let [[alone, ..], [rms, mean, sigma]] = [None, Some(&sightings)].map(errors);
+    let [[_, alone, _], [mean, rms, sigma]] = [None, Some(&sightings)].map(errors);
     assert!(rms < 0.5 * alone, "{rms} with further rays, {alone} without");
     assert!(mean.abs() < 3.0 * sigma, "{mean} +- {sigma}");
 }

@@ -22,11 +22,11 @@ const HOPELESS: (usize, f32) = (256, 0.45);
 const SAME_SURFACE: f32 = 0.7;
 /// Most records that are gathered anew once they have told of bright patches, and the stream of random numbers of their new rays.
 const AGAIN: usize = 512;
-/// Number of records at which they tell anew what they have seen, times the number before: a quotient.
-const SIGHT: (usize, usize) = (5, 4);
-/// Relative standard deviation of records by bright hits from which on they are.
-const UNEVEN: f32 = 0.15;
 const AGAIN_STREAM: u64 = 0x1cb;
+/// Relative standard deviation of records by bright hits from which on they are gathered anew for these, too.
+const UNEVEN: f32 = 0.15;
+/// Number of records at which they tell anew what they have seen, over the number before: a quotient.
+const SIGHT: (usize, usize) = (5, 4);
 
 impl IrradianceCache<'_> {
     /// Gives up shapes on which records cover next to nothing.
@@ -77,40 +77,29 @@ impl IrradianceCache<'_> {
         self.gather.scatter(&self.world, false);
     }
 
-    /// Looks for bright patches if it is time to. Records to come send rays to them, and none of those that have told where they are: rays that
-    /// have found a patch by chance must not be weighed by that. The first few records are gathered anew.
-    pub(super) fn look_for_patches(&mut self, hit_light: &HitLight) {
-        let Some(light) = self.light.as_ref().filter(|_| self.settings.guided) else { return };
-        let few = self.records.len() <= AGAIN && !self.loaded;
+    /// Looks at what records have seen, and for bright patches, each if it is time to. Records to come send rays there, and none of those that have
+    /// told: rays that have found something by chance must not be weighed by that. The first few records are gathered anew.
+    pub(super) fn look_for_light(&mut self, hit_light: &HitLight) {
+        let count = self.records.len();
+        let (sights, looks) = (count > self.sights_at, count >= self.look_at);
+        let Some(light) = self.light.as_ref().filter(|_| self.settings.guided && (sights || looks)) else { return };
+        let told = self.told();
+        let sightings = sights.then(|| Sightings::of(light.irradiance(), &told));
+        let patches = looks.then(|| bright_patches::find(&light.surfels, light.irradiance(), &told));
         let mut uneven = false;
-        if self.records.len() > self.sights_at {
-            let before = self.sightings.is_some();
-            self.sightings = self.sight().map(Arc::new);
-            self.sights_at = self.records.len() * SIGHT.0 / SIGHT.1;
-            uneven = !before && self.sightings.as_ref().is_some_and(|s| s.deviation() > UNEVEN);
+        if let Some(sightings) = sightings {
+            uneven = self.sightings.is_none() && sightings.as_ref().is_some_and(|s| s.deviation() > UNEVEN);
+            self.sightings = sightings.map(Arc::new);
+            self.sights_at = count * SIGHT.0 / SIGHT.1;
         }
-        if self.records.len() < self.look_at {
-            self.guide_from_now_on(uneven && few, hit_light);
-            return;
+        if looks {
+            self.look_at = LOOK.1 * count;
         }
-        self.look_at = LOOK.1 * self.records.len();
-        let records = self.told();
-        let patches = bright_patches::find(
-            &light.surfels,
-            light.irradiance(),
-            records.iter().map(|r| (r.place, r.level, r.hits)),
-        );
-        if !patches.is_empty() {
-            let first = self.patches.is_empty();
+        if let Some(patches) = patches.filter(|p| !p.is_empty()) {
+            uneven |= self.patches.is_empty();
             self.patches = patches;
-            uneven |= first;
         }
-        self.guide_from_now_on(uneven && few, hit_light);
-    }
-
-    /// Records there are have told and send no rays to what they told of, or are made `again`.
-    fn guide_from_now_on(&mut self, again: bool, hit_light: &HitLight) {
-        if again {
+        if uneven && count <= AGAIN && !self.loaded {
             self.start_again(hit_light);
         }
         if self.sightings.is_some() || !self.patches.is_empty() {
@@ -154,9 +143,9 @@ impl IrradianceCache<'_> {
     }
 
     /// What the records have seen.
-    pub(super) fn sight(&self) -> Option<Sightings> {
+    pub(super) fn sight(&self) -> Option<Arc<Sightings>> {
         let light = self.light.as_ref()?;
-        Sightings::of(light.irradiance(), &self.told())
+        Sightings::of(light.irradiance(), &self.told()).map(Arc::new)
     }
 
     /// Gathers anew for the records there are, by other rays.

@@ -69,9 +69,7 @@ impl Cone {
         let (sin, cos) = ((half - a) as f32).sin_cos();
         Cone { axis: (self.axis * cos + side * sin).normalize(), cos: half.cos() as f32 }
     }
-}
 
-impl Cone {
     /// Whether the other cone lies within, beyond doubt by rounding: cos (a - b) against the cosine between the axes, without an angle.
     fn surely_holds(&self, other: &Cone) -> bool {
         let [a, b] = [self.cos, other.cos].map(f64::from);

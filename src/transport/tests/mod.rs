@@ -100,6 +100,14 @@ pub fn through_hole([low, high]: [f64; 2], p: Vec3) -> f64 {
     polygon::irradiance(&corners.map(|[x, z]| DVec3::new(x, 1.0, z) - p.as_dvec3()), DVec3::Y).abs()
 }
 
+/// Mean and root mean square of errors, and the standard error of the mean.
+pub fn moments(errors: &[f64]) -> [f64; 3] {
+    let n = errors.len() as f64;
+    let mean = errors.iter().sum::<f64>() / n;
+    let square = errors.iter().map(|e| e * e).sum::<f64>() / n;
+    [mean, square.sqrt(), ((square - mean * mean) / n).sqrt()]
+}
+
 /// The square `[-half, half]^2` in the plane through `centre` with normal `n`.
 pub fn square(centre: DVec3, n: DVec3, half: f64) -> DMat4 {
     let n = n.normalize();

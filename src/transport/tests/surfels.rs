@@ -107,14 +107,8 @@ fn further_light_samples_keep_the_mean_and_go_where_records_want_them() {
     }
     assert!(left.iter().all(|more| *more == 0), "samples where none are wanted");
     assert!(most > 12, "{most} samples");
-    let moments = |all: &[f64]| {
-        let n = all.len() as f64;
-        let mean = all.iter().sum::<f64>() / n;
-        (mean, all.iter().map(|e| e * e).sum::<f64>() / n, n)
-    };
-    let (_, plain, _) = moments(&before);
-    let (mean, square, n) = moments(&after);
+    let ([_, plain, _], [mean, rms, sigma]) = (moments(&before), moments(&after));
     // Four times the samples and more.
-    assert!(square < 0.35 * plain, "{square} with further samples, {plain} without");
-    assert!(mean.abs() < 4.0 * (square / n).sqrt(), "{mean} +- {}", (square / n).sqrt());
+    assert!(rms * rms < 0.35 * plain * plain, "{rms} with further samples, {plain} without");
+    assert!(mean.abs() < 4.0 * sigma, "{mean} +- {sigma}");
 }
