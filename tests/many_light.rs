@@ -200,12 +200,64 @@ fn many_light_agrees_with_path_on_every_material() {
     ];
     for (name, m) in materials {
         let scene = with(m);
-        let (a, a_error) = many_mean(6, 12, &scene, settings(Strategy::Joint));
         let (b, b_error) = path_mean(6, 128, &scene, PathSettings::default());
+        // Light that r sends to d by photons, and by paths.
+        for photons in [None, Some(0)] {
+            let (a, a_error) = many_mean(6, 12, &scene, ManyLightSettings { photons, ..settings(Strategy::Joint) });
+            let error = a_error.hypot(b_error);
+            assert!(error < 0.02 * b, "{name}: the test has no power, error {error} of {b}");
+            // Kernels of photons blur: half a per cent at most.
+            let off = (a - b).abs();
+            assert!(off < LIMIT * error + 5e-3 * b, "{name} {photons:?}: {a} +- {a_error}, path {b} +- {b_error}");
+        }
+    }
+}
+
+/// The room with a mirror of the material `m` in place of its right wall: half of what the others see.
+fn gallery(m: &Material) -> Description {
+    let mut scene = plain();
+    let id = material(&mut scene, m.clone());
+    let wall = DMat4::from_translation(DVec3::new(0.999, 0.0, 0.0))
+        * DMat4::from_rotation_y(-std::f64::consts::FRAC_PI_2)
+        * DMat4::from_scale(DVec3::splat(0.999));
+    shape(&mut scene, GeometryDesc::Rectangle, wall, id, None);
+    scene
+}
+
+#[test]
+fn photons_bring_the_light_of_mirrors_with_less_noise() {
+    let grey_mirror = Material::Conductor { eta: grey(0.0), k: grey(1.0), specular_reflectance: grey(0.9) };
+    let metal = Material::RoughConductor {
+        eta: grey(0.0),
+        k: grey(1.0),
+        specular_reflectance: grey(0.9),
+        roughness: rough(0.2),
+    };
+    let parts = Parts { direct: false, caustic: false, indirect: true };
+    for (name, m) in [("mirror", grey_mirror), ("metal", metal)] {
+        let scene = || gallery(&m);
+        let few = ManyLightSettings { caustic_photons: Some(1000), ..settings(Strategy::Joint) };
+        let with = |photons, parts| ManyLightSettings { photons, parts, ..few };
+        let (a, a_error) = many_mean(8, 8, &scene, with(Some(2000), parts));
+        let (b, b_error) = many_mean(8, 32, &scene, with(Some(0), parts));
         let error = a_error.hypot(b_error);
-        assert!(error < 0.02 * b, "{name}: the test has no power, error {error} of {b}");
-        // Kernels of caustic photons blur: half a per cent at most.
-        assert!((a - b).abs() < LIMIT * error + 5e-3 * b, "{name}: {a} +- {a_error}, path {b} +- {b_error}");
+        assert!((a - b).abs() < LIMIT * error + 5e-3 * b, "{name}: {a} +- {a_error}, paths {b} +- {b_error}");
+        // What a single sample of a pixel is off by, with lights of its own: as the film sees it.
+        let noise = |photons| {
+            let film = render_many(scene(), with(photons, parts), 24, 5).film;
+            film.pixels().iter().map(|p| p.variance().iter().sum::<f64>()).sum::<f64>()
+        };
+        let gain = noise(Some(0)) / noise(Some(2000));
+        assert!(gain > 2.0, "{name}: variance {gain} times lower");
+        // Photons of two segments more than a path may have are none.
+        let depth = |photons| {
+            let path = PathSettings { max_depth: Some(4), ..PathSettings::default() };
+            many_mean(8, 12, &scene, ManyLightSettings { path, ..with(photons, parts) })
+        };
+        let (short, path) = (depth(Some(2000)), depth(Some(0)));
+        let error = short.1.hypot(path.1);
+        assert!((short.0 - path.0).abs() < LIMIT * error + 5e-3 * path.0, "{name}: {short:?}, paths {path:?}");
+        assert!(short.0 < a - LIMIT * a_error, "{name}: depth matters, {short:?} of {a}");
     }
 }
 

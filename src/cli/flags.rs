@@ -40,8 +40,9 @@ pub struct PhotonArgs {
     /// Samples per pixel in a pass: more on edges, 16 everywhere, or one [default: adaptive].
     #[arg(long, value_enum)]
     pub aa: Option<Antialiasing>,
-    /// Photons per pass for the global map; K and M suffixes are understood [default: 100K].
-    #[arg(long, value_parser = options::positive)]
+    /// Photons per pass for the global map; K and M suffixes are understood; 0: paths find that light [default: 100K]. many-light: photons of the light that
+    /// diffuse surfaces get from mirrors, glass and gloss [default: one for four pixels, within 8K and 262K].
+    #[arg(long, value_parser = options::count)]
     pub photons: Option<u64>,
     /// Photons per pass for caustics [default: what the picture is worth, at most as many as pixels, within 33K and 262K].
     #[arg(long, value_parser = options::positive)]

@@ -45,6 +45,8 @@ pub enum Goal {
     Caustics,
     /// All light of the given classes, [`PhotonClass::ALL`] in order.
     Classes([bool; 3]),
+    /// Light that was scattered last by the part of a material that is not diffuse, but for caustics.
+    Reflected,
     /// Virtual lights: all classes, and the diffuse material that each photon meets ([`Traced::materials`]).
     Lights,
 }
@@ -127,6 +129,7 @@ enum Fate {
     Goes {
         sample: BsdfSample,
         part_pmf: f32,
+        rest: bool,
         nearly_specular: bool,
         alpha: f32,
     },
@@ -148,6 +151,8 @@ impl Walk<'_> {
         let mut ray = Ray { o: emitted.o, d: emitted.d, tmin: f32::MIN_POSITIVE, tmax: f32::INFINITY };
         let (mut flux, mut throughput) = (emitted.flux, Rgb::ONE);
         let (mut scattered, mut passed, mut class) = (0u32, 0u32, PhotonClass::Direct);
+        // Whether the last scattering was one by the rest of a material.
+        let mut reflected = false;
         loop {
             ledger.rays += 1;
             let Some(hit) = self.world.accel.closest(&ray) else {
@@ -163,7 +168,7 @@ impl Walk<'_> {
                 settings.most_segments.is_some_and(|most| scattered + 1 >= most) || scattered >= MOST_SCATTERINGS;
 
             // Where a photon ends unseen its neighbours do not matter.
-            let stored = shares[0] > 0.0 && self.wants(class);
+            let stored = shares[0] > 0.0 && self.wants(class, reflected);
             let ends = last || (shares[1] <= 0.0 && settings.goal == Goal::Caustics);
             let meeting = (stored || !ends).then(|| beam.meet(&scene.shapes[at.shape as usize], &at));
             let sigma = meeting.as_ref().filter(|_| shares[0] > 0.0).map(|m| beam.axes(m, &at, wo));
@@ -202,10 +207,10 @@ impl Walk<'_> {
 
             let [ux, uy, u_lobe, u_part] = rng.next_4d();
             let before = flux;
-            let (sample, part_pmf, nearly, alpha) =
+            let (sample, part_pmf, from_rest, nearly, alpha) =
                 match self.scatter([diffuse, rest], shares, wo, u_part, u_lobe, Vec2::new(ux, uy)) {
-                    Fate::Goes { sample, part_pmf, nearly_specular, alpha } => {
-                        (sample, part_pmf, nearly_specular, alpha)
+                    Fate::Goes { sample, part_pmf, rest, nearly_specular, alpha } => {
+                        (sample, part_pmf, rest, nearly_specular, alpha)
                     }
                     Fate::HandedOn(albedo) => {
                         ledger.absorbed += (flux - flux * albedo).as_dvec3();
@@ -246,6 +251,7 @@ impl Walk<'_> {
                 break;
             }
             scattered += 1;
+            reflected = from_rest;
             class = if nearly && class != PhotonClass::Indirect { PhotonClass::Caustic } else { PhotonClass::Indirect };
             if let Some(meeting) = &meeting {
                 self.go_on(&mut beam, meeting, sigma, &sample, part_pmf * sample.pmf, alpha);
@@ -268,10 +274,11 @@ impl Walk<'_> {
         self.out.ledger.lights[emitted.light as usize] += &ledger;
     }
 
-    fn wants(&self, class: PhotonClass) -> bool {
+    fn wants(&self, class: PhotonClass, reflected: bool) -> bool {
         match self.settings.goal {
             Goal::Caustics => class == PhotonClass::Caustic,
             Goal::Classes(classes) => classes[class as usize],
+            Goal::Reflected => reflected && class == PhotonClass::Indirect,
             Goal::Lights => true,
         }
     }
@@ -305,7 +312,7 @@ impl Walk<'_> {
         let Some(sample) = part.sample(wo, u_lobe, u, Transport::Importance) else { return Fate::Absorbed };
         let alpha = if sample.lobe == LobeKind::Glossy { part.min_glossy_alpha() } else { 0.0 };
         let nearly_specular = chosen_rest && nearly_specular(&part, sample.lobe);
-        Fate::Goes { sample, part_pmf, nearly_specular, alpha }
+        Fate::Goes { sample, part_pmf, rest: chosen_rest, nearly_specular, alpha }
     }
 
     fn go_on<const N: usize>(

@@ -5,14 +5,14 @@
 //!
 //!   d at x, light straight from an emitter           light sampling alone; or virtual lights on it, c(r) by a short path that meets it
 //!   d at x, light by nearly specular scatterings     the caustic photons: L S+ d
+//!   d at x, light scattered by r at y, all else      photons ([`reflected`](super::reflected)); without them the path goes on from x to y
 //!   d at x, light scattered by d at y                virtual lights at y; c(r) of it by a short path from x to y
-//!   d at x, light scattered by r at y, all else      the path goes on from x to y, where it goes on from r only
 //!   r at x, light straight from an emitter           light sampling and scattering, by the power heuristic
 //!   r at x, all else                                 the path goes on from r
 //!
-//! So at the end y of a path from d at x emitters do not count, and the diffuse part of y counts with probability c(r): without a material that has a
-//! rest the ray need not be longer than that can be, r^2 <= A/pi (1/U - 1). Behind a nearly specular surface that such a path meets,
-//! emitters do not count either (`Covered`: caustic photons bring them), but diffuse parts do.
+//! So at the end y of a path from d at x emitters do not count, and the diffuse part of y counts with probability c(r): unless paths are to find what r
+//! scatters, the ray need not be longer than that can be, r^2 <= A/pi (1/U - 1), and r at y does not count. If they are, emitters do not count
+//! behind a nearly specular surface that such a path meets (`Covered`: caustic photons bring them), but diffuse parts do.
 //! Branching: Dirac lobes at the first vertices send on both mirrored and refracted ray ([`MOST_BRANCHES`]).
 //! Verified by tests/many_light.rs: agreement with the path tracer on every material, furnace.
 
@@ -25,6 +25,7 @@ use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::direct::{Direct, Found, Vantage};
+use crate::transport::photon_map::{Filter, GlobalMap};
 use crate::transport::strategies::{ManyLights, Receiver, Tally};
 use crate::transport::vpl::left_out;
 use crate::transport::{CausticMap, MAX_PASSED_SURFACES, World, nearly_specular};
@@ -43,8 +44,10 @@ pub struct Eye<'a> {
     pub lights: Option<ManyLights<'a>>,
     /// A / pi of the lights where short paths add what that leaves out; 0 without.
     pub radius2: f32,
-    /// Whether some material has more than a diffuse part.
-    pub has_rest: bool,
+    /// Photons of light that diffuse parts get from other parts, `None` if paths are to find it.
+    pub reflected: Option<&'a GlobalMap>,
+    /// Whether paths go on from diffuse parts to find light of other parts.
+    pub seeks_rest: bool,
 }
 
 /// How a ray left the surface before.
@@ -185,6 +188,7 @@ impl Eye<'_> {
         b.travelled += hit.t;
         let (diffuse, rest) = bsdf.split();
         let diffuse = diffuse.filter(|_| self.counts_diffuse(&b, sample));
+        let rest = rest.filter(|r| !self.brings_rest(&b.came) || r.straight_through() > 0.0);
         let end = End { at: &at, wo, diffuse: diffuse.as_ref(), rest: rest.as_ref(), t: hit.t, last };
         if !last {
             self.reflected(&b, &end, sample);
@@ -217,6 +221,11 @@ impl Eye<'_> {
         }
     }
 
+    /// Whether photons have brought what a ray that came so would find at the rest of a material.
+    fn brings_rest(&self, came: &Came) -> bool {
+        matches!(came, Came::Diffuse { .. }) && self.reflected.is_some()
+    }
+
     /// Whether a glossy lobe counts as a mirror for light that a caustic photon has brought already.
     fn is_covered(&self, came: &Came, rest: &Bsdf) -> bool {
         matches!(came, Came::Diffuse { .. } | Came::Covered)
@@ -228,7 +237,7 @@ impl Eye<'_> {
     fn reflected(&self, b: &Branch, end: &End, sample: &mut Sample) {
         let &End { at, wo, diffuse, rest, .. } = end;
         let parts = self.settings.parts;
-        let sampled = rest.filter(|r| !r.is_delta() && !self.is_covered(&b.came, r));
+        let sampled = rest.filter(|r| !(r.is_delta() || self.brings_rest(&b.came) || self.is_covered(&b.came, r)));
         if (diffuse.is_some() || sampled.is_some()) && self.shows(b) {
             let stage = stage(b.blurred, b.depth);
             let mut light = |direct: &Direct, diffuse, sampled| {
@@ -244,6 +253,9 @@ impl Eye<'_> {
         let most = self.settings.path.max_depth.map_or(u32::MAX, |max| max.saturating_sub(b.depth + 1));
         if let Some(map) = self.caustics.filter(|_| if b.indirect { parts.indirect } else { parts.caustic }) {
             sample.radiance += b.throughput * map.radiance_within(at, diffuse, wo, most);
+        }
+        if let Some(map) = self.reflected.filter(|_| most > 1) {
+            sample.radiance += b.throughput * map.radiance(at, diffuse, wo, Filter::INDIRECT.within(most));
         }
         // Lights on emitters count as direct light here, those of photons as indirect.
         let segments = [u32::from(!self.shows(b)), if parts.indirect { most.saturating_sub(1) } else { 0 }];
@@ -262,7 +274,7 @@ impl Eye<'_> {
         let [ux, uy, mut u_lobe, u_roulette] = sample.rng.next_4d();
         let lit = self.rest_of_lights.is_some() && self.shows(&b);
         let wanted =
-            (self.settings.parts.indirect && (self.has_rest || self.radius2 > 0.0)) || (lit && self.radius2 > 0.0);
+            (self.settings.parts.indirect && (self.seeks_rest || self.radius2 > 0.0)) || (lit && self.radius2 > 0.0);
         let crowded = is_crowded(b.blurred, sample.waiting.len());
         let mut shares = [1.0; 2];
         let (mut diffuse, mut rest) = (end.diffuse.filter(|_| wanted), end.rest);
@@ -274,7 +286,7 @@ impl Eye<'_> {
         }
         let u = Vec2::new(ux, uy);
         if let Some(s) = diffuse.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
-            let came = Came::Diffuse { short: !self.has_rest, shown: lit };
+            let came = Came::Diffuse { short: !self.seeks_rest, shown: lit };
             self.push(&b, end, &s, (shares[0], u_roulette), came, sample);
         }
         let Some(rest) = rest else { return };
@@ -282,6 +294,7 @@ impl Eye<'_> {
             let covered = matches!(b.came, Came::Diffuse { .. } | Came::Covered) && self.caustics.is_some();
             let came = match s.lobe {
                 LobeKind::Null => b.came,
+                _ if self.brings_rest(&b.came) => continue,
                 LobeKind::Specular if covered => Came::Covered,
                 LobeKind::Specular => Came::Plain,
                 _ if self.is_covered(&b.came, rest) => Came::Covered,

@@ -1,18 +1,19 @@
 //! Many lights: indirect light from virtual point lights.
 //!
 //! Estimates   the same integral as [`super::path`], split by what is known where (`eye` has the table): direct light by light sampling,
-//!             caustics from photons, light that a diffuse surface sends to another from virtual lights, summed by one of the
+//!             caustics and other light that mirrors, glass and gloss send to diffuse surfaces from photons, light that a diffuse surface sends to another from virtual lights, summed by one of the
 //!             [`strategies`](crate::transport::strategies)
 //! Passes      each pass has virtual lights and cache points of its own, so that no error of one pass, banding above all, outlives it; the
 //!             price of variance, lambda, and the calibration of the cache come from the passes before
 //! Source      Keller 1997 (instant radiosity), progressive over passes; Nabata et al.; Tokuyoshi & Harada; METHODS 6.3, 6.4
-//! Bias        kernels of caustic photons; with `compensate` off, corners are darker (see `transport::vpl`)
-//! Not handled participating media; glossy lights: what glossy surfaces scatter towards diffuse ones is found by paths
+//! Bias        kernels of photons; with `compensate` off, corners are darker (see `transport::vpl`)
+//! Not handled participating media
 //! Verified by tests/many_light.rs (agreement with `path`, furnace, determinism), `transport::strategies::tests`
 
 mod eye;
 mod lights;
 mod meter;
+mod reflected;
 mod settings;
 
 pub use settings::ManyLightSettings;
@@ -20,6 +21,7 @@ pub use settings::ManyLightSettings;
 use self::eye::Eye;
 use self::lights::{PassLights, Sources, class};
 use self::meter::{Meter, Seen};
+use self::reflected::Reflected;
 use super::photon::PhotonSettings;
 use super::photon::caustics::Caustics;
 use super::photon::places::places;
@@ -32,6 +34,7 @@ use crate::scene::material::has_sharp_lobe;
 use crate::transport::direct::Direct;
 use crate::transport::emitter_vpls::EmitterVpls;
 use crate::transport::light_tree::LightTree;
+use crate::transport::photon_map::GlobalMap;
 use crate::transport::strategies::{LOOK, ManyLights};
 use crate::transport::visibility::posterior::Posterior;
 use crate::transport::visibility::{self, ShadingClusters};
@@ -63,6 +66,8 @@ pub struct ManyLight<'a> {
     direct: Direct<'a>,
     caustics: Option<Caustics<'a>>,
     map: Option<CausticMap>,
+    reflected: Option<Reflected<'a>>,
+    reflected_map: Option<GlobalMap>,
     sources: Sources<'a>,
     /// Direct light of diffuse parts by light sampling, where virtual lights bring a part of it.
     rest_of_lights: Option<Direct<'a>>,
@@ -100,6 +105,7 @@ impl<'a> ManyLight<'a> {
             let tree = LightTree::of(scene, |e| !EmitterVpls::takes(scene, e));
             Direct::with_tree(world, Cow::Owned(tree), settings.direct)
         });
+        let has_rest = scene.shapes.iter().any(|s| has_sharp_lobe(&scene.materials, s.material, f32::INFINITY));
         ManyLight {
             world,
             settings,
@@ -107,6 +113,8 @@ impl<'a> ManyLight<'a> {
             direct: Direct::new(world, settings.direct),
             caustics: Caustics::new(world, &photon, pixels),
             map: None,
+            reflected: Reflected::new(world, &settings, pixels).filter(|_| has_rest),
+            reflected_map: None,
             sources,
             rest_of_lights,
             clusters: ShadingClusters::default(),
@@ -115,7 +123,7 @@ impl<'a> ManyLight<'a> {
             meter: Meter::default(),
             price: Price { look: LOOK, check: 1.0, lambda: 0.0 },
             radius2: if settings.compensate { radius2 } else { 0.0 },
-            has_rest: scene.shapes.iter().any(|s| has_sharp_lobe(&scene.materials, s.material, f32::INFINITY)),
+            has_rest,
             variance: None,
             prepared: Counts::default(),
             cache_rays: 0,
@@ -205,6 +213,7 @@ impl<'a> ManyLight<'a> {
             direct: &self.direct,
             rest_of_lights: self.rest_of_lights.as_ref(),
             caustics: self.map.as_ref(),
+            reflected: self.reflected_map.as_ref(),
             lights: lights.map(|PassLights { vpls, tree, cache, ranges }| ManyLights {
                 ranges,
                 ..ManyLights::new(
@@ -218,7 +227,7 @@ impl<'a> ManyLight<'a> {
                 )
             }),
             radius2: self.radius2,
-            has_rest: self.has_rest,
+            seeks_rest: self.has_rest && self.reflected.is_none(),
         }
     }
 }
@@ -232,6 +241,10 @@ impl Integrator for ManyLight<'_> {
         if let Some(caustics) = &mut self.caustics {
             self.prepared.photons += caustics.emitted();
             self.map = Some(caustics.map(pass));
+        }
+        if let Some(reflected) = &self.reflected {
+            self.prepared.photons += reflected.count();
+            self.reflected_map = Some(reflected.map(pass));
         }
         if pass == 0 && !self.sources.is_empty() && self.settings.strategy.strategy.needs_cache() {
             let pixels = self.window[2] as usize * self.window[3] as usize;
@@ -279,6 +292,9 @@ impl Integrator for ManyLight<'_> {
         let mut all = vec![("virtual lights", sum(|l| l.vpls.lights.len()))];
         if let Some(map) = &self.map {
             all.push(("caustic photons stored", map.stored() as u64));
+        }
+        if let Some(map) = &self.reflected_map {
+            all.push(("photons stored", map.stored() as u64));
         }
         if self.lights.iter().any(|l| l.cache.is_some()) {
             all.push(("cache points", sum(|l| l.cache.as_ref().map_or(0, |c| c.points().len()))));

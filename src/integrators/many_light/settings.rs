@@ -27,6 +27,9 @@ pub struct ManyLightSettings {
     pub area: f32,
     /// Photons per pass for caustics; `None`: as many as pixels.
     pub caustic_photons: Option<u64>,
+    /// Photons per pass of the light that diffuse surfaces get from mirrors, glass and gloss; `None`: one for four pixels, from 8,192 to 262,144; 0:
+    /// paths find it.
+    pub photons: Option<u64>,
     /// Side n of the blocks of n x n pixels that share a pass's lights among them (interleaved sampling); 1: all pixels have all.
     pub interleave: u32,
     /// Virtual light whose probabilities are recorded.
@@ -56,6 +59,7 @@ impl Default for ManyLightSettings {
             compensate: true,
             area: 0.02,
             caustic_photons: None,
+            photons: None,
             interleave: 1,
             watched: None,
             parts: Parts::default(),

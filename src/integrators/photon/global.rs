@@ -21,10 +21,10 @@ pub struct Global<'a> {
 }
 
 impl<'a> Global<'a> {
-    /// `None` without lights.
+    /// `None` without lights or photons: paths find that light then.
     pub fn new(world: World<'a>, settings: &PhotonSettings) -> Option<Self> {
         let n = settings.photons.map_or(AUTOMATIC, |n| n as usize);
-        (!world.scene.lights.is_empty()).then(|| Global {
+        (!world.scene.lights.is_empty() && n > 0).then(|| Global {
             world,
             density: Uniform::new(world.scene, n, Sequence::OwenSobol, settings.seed),
             map: settings.map(),

@@ -59,7 +59,7 @@ pub struct PhotonSettings {
     pub indirect: Indirect,
     /// Antialiasing.
     pub antialiasing: Antialiasing,
-    /// Photons per pass for the global map; `None`: 100,000.
+    /// Photons per pass for the global map; `None`: 100,000; 0: paths find that light.
     pub photons: Option<u64>,
     /// Photons per pass for caustics; `None`: at most as many as pixels, but within 32,768 and 262,144, and as many of them as
     /// the rest of the picture is worth.

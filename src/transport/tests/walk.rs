@@ -83,6 +83,38 @@ fn the_ledger_closes_and_roulette_is_fair() {
 }
 
 #[test]
+fn reflected_photons_are_those_indirect_ones_that_the_rest_of_a_material_scattered_last() {
+    let room = workshop();
+    let of = |goal| walk(&room, &aimed(60), goal, None).photons;
+    let (reflected, indirect) = (of(Goal::Reflected), of(Goal::Classes([false, false, true])));
+    // The way back meets a surface with a rest, or a mask, which photons pass.
+    let scene = &room.scene;
+    let from_rest = |p: &crate::transport::photon::Photon| {
+        let ray = crate::accel::Ray { o: p.p, d: p.wi, tmin: 1e-4, tmax: f32::INFINITY };
+        let hit = room.accel.closest(&ray).filter(|hit| !room.world().passes_light(hit.shape))?;
+        let material = scene.shapes[hit.shape as usize].material;
+        Some(crate::scene::material::has_sharp_lobe(&scene.materials, material, f32::INFINITY))
+    };
+    assert!(reflected.len() > 500, "{}", reflected.len());
+    let wrong = reflected.iter().filter(|p| from_rest(p) == Some(false)).count();
+    assert!(wrong * 100 < reflected.len(), "{wrong} of {}", reflected.len());
+    // One after the other they are found among the indirect photons, and the others come from diffuse parts: some of them from plain ones.
+    let mut rest = reflected.iter().peekable();
+    let others: Vec<_> = indirect.iter().filter(|p| rest.next_if(|r| r == p).is_none()).collect();
+    assert!(rest.next().is_none() && others.len() + reflected.len() == indirect.len());
+    let plain = others.iter().filter(|p| from_rest(p) == Some(false)).count();
+    assert!(plain * 4 > others.len(), "the test can tell: {plain} of {}", others.len());
+    let plain = {
+        let mut s = empty();
+        let white = diffuse(&mut s, 0.7);
+        add(&mut s, GeometryDesc::Rectangle, square(DVec3::ZERO, DVec3::Y, 3.0), white);
+        add(&mut s, GeometryDesc::Rectangle, square(DVec3::Y * 4.0, DVec3::NEG_Y, 30.0), white);
+        walk(&Room::new(s), &aimed(20), Goal::Reflected, None)
+    };
+    assert!(plain.photons.is_empty() && plain.ledger.total().imbalance() < 1e-6);
+}
+
+#[test]
 fn the_same_bits_for_any_number_of_threads() {
     let room = workshop();
     let run = |threads: usize| {
