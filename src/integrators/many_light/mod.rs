@@ -22,9 +22,9 @@ use self::eye::Eye;
 use self::lights::{PassLights, Sources, class};
 use self::meter::{Meter, Seen};
 use self::reflected::Reflected;
-use super::photon::PhotonSettings;
 use super::photon::caustics::Caustics;
 use super::photon::places::places;
+use super::photon::{Emission, PhotonSettings};
 use super::{Counts, Integrator, Told};
 use crate::image::film::{Features, Film, PixelSums};
 use crate::math::sampler::{hash, unit_f32};
@@ -48,6 +48,8 @@ use std::f32::consts::FRAC_1_PI;
 const PIXELS_PER_LIGHT: usize = 64;
 const FEWEST: usize = 1024;
 const MOST_LIGHTS: usize = 16_384;
+/// Caustic photons of a pass where only what short paths meet is lit by them.
+const FEW_CAUSTIC_PHOTONS: u64 = 1 << 13;
 /// Shading points that clusters are made of, at most.
 const SHADING_POINTS: usize = 1 << 16;
 /// Camera samples of a trial for the first lambda, and trials.
@@ -90,9 +92,12 @@ impl<'a> ManyLight<'a> {
     /// An integrator for the pixels of `window` (x, y, width, height).
     pub fn new(world: World<'a>, settings: ManyLightSettings, window: [u32; 4]) -> Self {
         let pixels = window[2] as usize * window[3] as usize;
+        // Where caustics are not shown, only short paths ask them.
+        let seldom = !settings.parts.caustic;
         let photon = PhotonSettings {
             path: settings.path,
-            caustic_photons: settings.caustic_photons,
+            caustic_photons: settings.caustic_photons.or(seldom.then_some(FEW_CAUSTIC_PHOTONS)),
+            emission: if seldom { Emission::Uniform } else { Emission::Adaptive },
             parts: settings.parts,
             seed: settings.seed,
             ..PhotonSettings::default()
