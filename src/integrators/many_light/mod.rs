@@ -53,7 +53,7 @@ const FEW_CAUSTIC_PHOTONS: u64 = 1 << 13;
 /// Shading points that clusters are made of, at most.
 const SHADING_POINTS: usize = 1 << 16;
 /// Camera samples of a trial for the first lambda, and trials.
-const TRIAL: u64 = 512;
+const TRIAL: u64 = 256;
 const TRIALS: u32 = 7;
 /// One camera sample in so many is metered.
 const METERED: u64 = 8;
