@@ -194,6 +194,11 @@ impl<'a> IrradianceCache<'a> {
         });
     }
 
+    /// Whether the cache has no records on a shape because they would cover next to nothing.
+    pub fn gives_up(&self, shape: u32) -> bool {
+        self.hopeless.binary_search(&shape).is_ok()
+    }
+
     /// Whether the cache is good for the place as it is.
     pub fn covers(&self, at: &Facet) -> bool {
         let mut covered = false;

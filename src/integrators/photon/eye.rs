@@ -4,7 +4,7 @@
 //!
 //!   d, light straight from an emitter          light sampling alone ([`Eye::direct`])
 //!   d, light by nearly specular scatterings    the caustic photons: L S+ d
-//!   d, all else                                the irradiance cache; without a record there, the path goes on from d
+//!   d, all else                                the irradiance cache; without a record there, the path goes on from d (`gap.rs`)
 //!   r, light straight from an emitter          light sampling and scattering, by the power heuristic
 //!   r, all else                                the path goes on from r
 //!
@@ -22,6 +22,8 @@
 //!
 //! Branching: as [`branching`](crate::integrators::branching) says.
 //! Verified by tests/furnace.rs and tests/photon.rs: agreement with the path tracer, part by part.
+
+mod gap;
 
 use super::settings::{Indirect, Parts, PhotonSettings};
 use crate::accel::Ray;
@@ -338,8 +340,13 @@ impl Eye<'_> {
         }
         let u = Vec2::new(ux, uy);
         sample.features.makeup.gathers += f32::from(u8::from(unknown.is_some()));
-        if let Some(s) = unknown.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
-            self.push(&b, end, &s, (shares[0], u_roulette), Came::Diffuse, sample);
+        if let Some(d) = unknown {
+            let rays = self.rays_in_gap(&b, end);
+            if rays > 1 {
+                self.gather_in_gap(&b, end, d, (rays, shares[0]), sample);
+            } else if let Some(s) = d.sample(end.wo, u_lobe, u, Transport::Radiance) {
+                self.push(&b, end, &s, (shares[0], u_roulette), Came::Diffuse, sample);
+            }
         }
         let Some(rest) = rest else { return };
         for s in &directions(rest, end.wo, (u_lobe, u), crowded) {

@@ -1,7 +1,7 @@
 //! How the irradiance cache grows: new records, what bounds their radii, shapes that are given up, bright patches.
 
 use super::super::bright_patches;
-use super::super::cache_record::{RadiusLimits, Record};
+use super::super::cache_record::{BORDER, RadiusLimits, Record};
 use super::super::cache_settings::Place;
 use super::super::gather_cache::GatherCache;
 use super::super::gather_strata::Estimate;
@@ -20,6 +20,9 @@ use std::sync::Arc;
 const HOPELESS: (usize, f32) = (256, 0.45);
 /// Records whose normals' cosine is less do not bound each other's radii.
 const SAME_SURFACE: f32 = 0.7;
+/// Difference between what a record predicts for another one that it covers and what that one has gathered, over the greater of the two, from
+/// which on it ends before it. Noise of records is mostly less.
+const DISAGREE: f32 = 0.2;
 /// Most records that are gathered anew once they have told of bright patches, and the stream of random numbers of their new rays.
 const AGAIN: usize = 512;
 const AGAIN_STREAM: u64 = 0x1cb;
@@ -166,7 +169,8 @@ impl IrradianceCache<'_> {
     }
 
     /// R_i <= R_j + |x_i - x_j| for records of one surface (Krivanek et al. 2006, section 4): what one has seen nearby, such
-    /// as a corner, the others learn. Never below the least radius.
+    /// as a corner, the others learn; and R_i b < |x_i - x_j| if what i predicts at x_j is not what j has gathered (the same, section 3): an edge of
+    /// light that lies between them is in the derivatives of neither, if their rays have seen one side each. Never below the least radius.
     pub(super) fn bound_by_neighbours(&mut self) {
         let limits: Vec<Vec<(u32, f32)>> = (0..self.records.len())
             .into_par_iter()
@@ -176,7 +180,9 @@ impl IrradianceCache<'_> {
                 let mut wide = Vec::new();
                 self.tree.containing(near.p, |i| {
                     let far = &self.records[i as usize];
-                    let bound = near.mean_radius() + (near.p - far.p).length();
+                    let apart = (near.p - far.p).length();
+                    let limit = if disagree(far, near) { apart / BORDER } else { f32::INFINITY };
+                    let bound = limit.min(near.mean_radius() + apart);
                     if far.mean_radius() > bound && far.frame.n.dot(near.frame.n) > SAME_SURFACE {
                         wide.push((i, bound));
                     }
@@ -193,4 +199,12 @@ impl IrradianceCache<'_> {
             }
         }
     }
+}
+
+/// Whether the light that `far` predicts at the place of `near`, if it covers that, is not what is there. Not so of a record itself.
+fn disagree(far: &Record, near: &Record) -> bool {
+    let n = near.frame.n;
+    let covered = far.p != near.p && far.distance(near.p, n, n).is_some_and(|d| d < 1.0);
+    let (predicted, there) = (luminance(far.predict(near.p, n)), luminance(near.irradiance));
+    covered && (predicted - there).abs() > DISAGREE * predicted.max(there)
 }

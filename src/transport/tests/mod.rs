@@ -1,5 +1,6 @@
 //! Scenes made in code, simple emission densities, and tests of photons against closed forms.
 
+mod agreement;
 mod borders;
 mod chains;
 mod kernel;
@@ -74,11 +75,17 @@ pub fn add(scene: &mut Description, geometry: GeometryDesc, to_world: DMat4, mat
 }
 
 /// A floor at y = 0, and at y = 1 a screen without end with a square hole, x and z from `low` to `high`, under a sky of radiance 1.
-pub fn screened_floor([low, high]: [f64; 2]) -> Room {
+pub fn screened_floor(hole: [f64; 2]) -> Room {
     let mut scene = empty();
     scene.lights = vec![LightDesc::Constant { radiance: Rgb::ONE }];
-    let grey = diffuse(&mut scene, 0.5);
-    add(&mut scene, GeometryDesc::Rectangle, square(DVec3::ZERO, DVec3::Y, 1000.0), grey);
+    add_screened_floor(&mut scene, hole);
+    Room::new(scene)
+}
+
+/// The floor and the screen of [`screened_floor`], of albedo 0.5.
+pub fn add_screened_floor(scene: &mut Description, [low, high]: [f64; 2]) {
+    let grey = diffuse(scene, 0.5);
+    add(scene, GeometryDesc::Rectangle, square(DVec3::ZERO, DVec3::Y, 1000.0), grey);
     for [x, z] in
         [[[-1e3, 1e3], [-1e3, low]], [[-1e3, 1e3], [high, 1e3]], [[-1e3, low], [low, high]], [[high, 1e3], [low, high]]]
     {
@@ -89,9 +96,8 @@ pub fn screened_floor([low, high]: [f64; 2]) -> Room {
             (-DVec3::Y).extend(0.0),
             DVec3::new(middle(x), 1.0, middle(z)).extend(1.0),
         );
-        add(&mut scene, GeometryDesc::Rectangle, to_world, grey);
+        add(scene, GeometryDesc::Rectangle, to_world, grey);
     }
-    Room::new(scene)
 }
 
 /// The sky's irradiance on the floor of [`screened_floor`] at `p`.
