@@ -16,25 +16,17 @@
 //! A photon is traced, sorted and asked for in the time of a camera sample (cornell-spheres, caustic-ring: 3.5 us each).
 //! e_1 is what two maps differ by: the first pass has [`FIRST`] of the most photons, the second one half of that ([`Counts`]), n_1. Noise of both is in it,
 //! and of the blur, which doubles from one to the other, half. Few pixels are looked at, by the same random numbers with
-//! both maps; errors are relative as [`crate::image::metric`] counts them, and those of a pixel bounded: outliers must not decide.
+//! both maps (`looks.rs`).
 //! Source      the allocation among two sources of error (Neyman 1934), with a cost of each; the estimate from two maps is ours
 //! Bias        none of its own: other random numbers than the picture's, and photons share their light whatever their number
 //! Not handled noise of the irradiance cache: it counts as none, which asks for more photons
 //! Verified by `tests`
 
-use super::eye::Eye;
-use super::looks::{OUTLIER, any_pixel, ray, relative_square};
-use crate::integrators::Counts as Counted;
-use crate::math::{Sampler, luminance};
-use rayon::prelude::*;
+use super::looks::Found;
 
 /// Photons of the first pass, as a share of the most, but [`LEAST`] at least.
 const FIRST: f64 = 0.125;
 const LEAST: usize = 1 << 14;
-/// Pixels that are looked at.
-const PIXELS: u64 = 512;
-/// First of the streams of random numbers.
-const STREAM: u64 = 0x00ca_0571;
 
 /// Photons of each pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,15 +38,6 @@ pub struct Counts {
     pixels: usize,
     /// What was found out, and n_1.
     found: Option<(Found, usize)>,
-}
-
-/// What two maps and the samples of a few pixels tell.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Found {
-    /// e_1: mean squared relative difference of the maps.
-    pub map: f64,
-    /// V.
-    pub sample: f64,
 }
 
 impl Counts {
@@ -85,7 +68,8 @@ impl Counts {
 
     /// Equation 1 for the `passes`-th pass, within bounds.
     fn best(&self, (found, n1): (Found, usize), passes: u64) -> usize {
-        let n = self.samples * (passes as f64 * found.map * n1 as f64 / (found.sample * self.pixels as f64)).sqrt();
+        let n =
+            self.samples * (passes as f64 * found.difference * n1 as f64 / (found.sample * self.pixels as f64)).sqrt();
         // Without noise of samples the quotient is infinite, or no number where maps do not differ either.
         if n.is_nan() { self.first } else { (n as usize).clamp(self.first, self.most) }
     }
@@ -96,39 +80,13 @@ impl Counts {
     }
 }
 
-impl Found {
-    /// Looks at pixels of `window` (x, y, width, height) with the maps of the first pass and of the second.
-    pub fn new([first, second]: [&Eye; 2], window: [u32; 4], seed: u64) -> Self {
-        let look = |k: u64| {
-            let pixel = any_pixel(window, &mut Sampler::new(seed, STREAM, k));
-            let sample = |eye: &Eye, stream: u64| {
-                let mut rng = Sampler::new(seed, STREAM + stream, k);
-                let ray = ray(eye, pixel, &mut rng);
-                f64::from(luminance(eye.sample(&ray, &mut rng, &mut Counted::default()).0))
-            };
-            [sample(first, 1), sample(second, 1), sample(second, 2)]
-        };
-        let looks: Vec<[f64; 3]> = (0..PIXELS).into_par_iter().map(look).collect();
-        found(&looks)
-    }
-}
-
-/// What samples of pixels tell: by the first map, by the second with the same numbers, by the second with others.
-fn found(looks: &[[f64; 3]]) -> Found {
-    // Samples that are no numbers are the film's concern.
-    let looks: Vec<&[f64; 3]> = looks.iter().filter(|l| l.iter().all(|v| v.is_finite())).collect();
-    let count = looks.len().max(1) as f64;
-    let mean = looks.iter().map(|l| 0.5 * (l[1] + l[2])).sum::<f64>() / count;
-    let relative = |d: f64, [_, a, b]: &[f64; 3]| relative_square(d, 0.5 * (a + b), mean).min(OUTLIER);
-    Found {
-        map: looks.iter().map(|l| relative(l[0] - l[1], l)).sum::<f64>() / count,
-        sample: looks.iter().map(|l| 0.5 * relative(l[1] - l[2], l)).sum::<f64>() / count,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn found(difference: f64, sample: f64) -> Found {
+        Found { difference, sample, rays: 3.0 }
+    }
 
     #[test]
     fn the_number_is_where_error_times_cost_is_least() {
@@ -142,7 +100,7 @@ mod tests {
                     let n = n as f64;
                     (sample * pixels / (passes as f64 * s) + map * n1 as f64 / n) * (s + n)
                 };
-                let n = counts.best((Found { map, sample }, n1), passes);
+                let n = counts.best((found(map, sample), n1), passes);
                 assert!(counts.first < n && n < counts.most, "{map} {sample}: {n} is a bound, and tells nothing");
                 let near = [n * 9 / 10, n * 11 / 10].map(badness);
                 assert!(badness(n) < near[0] && badness(n) < near[1], "{map} {sample} {passes}: {n}");
@@ -153,7 +111,7 @@ mod tests {
     #[test]
     fn what_is_nothing_is_within_bounds() {
         let counts = Counts::new(100_000, 1e5, 100_000);
-        let best = |map, sample| counts.best((Found { map, sample }, 10_000), 4);
+        let best = |map, sample| counts.best((found(map, sample), 10_000), 4);
         assert_eq!((best(0.0, 1.0), best(0.0, 0.0), best(1.0, 0.0)), (counts.first, counts.first, counts.most));
         assert_eq!((counts.first, Counts::new(1000, 50.0, 50).first), (1 << 14, 1000));
     }
@@ -164,27 +122,10 @@ mod tests {
         assert_eq!((counts.changed_in(1), counts.changed_in(3)), (Some(counts.first / 2), None));
         // Before anything is known there are as many as there may be.
         assert_eq!(counts.changed_in(2), Some(1 << 18));
-        counts.learn(Found { map: 1e-3, sample: 1e-2 }, counts.first / 2);
+        counts.learn(found(1e-3, 1e-2), counts.first / 2);
         let [a, b, c] = [2, 4, 8].map(|p| counts.changed_in(p).unwrap());
         assert!(a < b && b < c && c < 1 << 18, "{a} {b} {c}");
-        counts.learn(Found { map: 1e-8, sample: 1e-2 }, counts.first / 2);
+        counts.learn(found(1e-8, 1e-2), counts.first / 2);
         assert_eq!([2, 4, 8].map(|p| counts.changed_in(p)), [Some(counts.first); 3]);
-    }
-
-    #[test]
-    fn noise_of_maps_is_told_from_that_of_samples() {
-        let mut looks = Vec::new();
-        for k in 0..4000 {
-            let [a, b, c, d] = Sampler::new(3, 0, k).next_4d().map(|u| f64::from(u) - 0.5);
-            // Uniform numbers of variance 1/12 on a mean of 1: 0.1 of them by each map, 0.3 by samples.
-            looks.push([1.0 + 0.1 * a + 0.3 * c, 1.0 + 0.1 * b + 0.3 * c, 1.0 + 0.1 * b + 0.3 * d]);
-        }
-        let seen = found(&looks);
-        assert!((seen.map / (2.0 * 0.01 / 12.0) - 1.0).abs() < 0.06, "{seen:?}");
-        assert!((seen.sample / (0.09 / 12.0) - 1.0).abs() < 0.06, "{seen:?}");
-        looks.extend([[f64::NAN, 1.0, 1.0], [1e9, 1.0, 1.0]]);
-        let with = found(&looks);
-        assert!(with.map - seen.map < 2.0 * OUTLIER / 4000.0 && with.map > seen.map);
-        assert_eq!(found(&[]), Found::default());
     }
 }

@@ -1,9 +1,10 @@
 //! Caustic photons of each pass: where they start, how many there are.
 
 use super::FULL_SAMPLES;
-use super::caustic_count::{Counts, Found};
+use super::caustic_count::Counts;
 use super::learned_emission;
 use super::learned_lights::LearnedLights;
+use super::looks::Found;
 use super::settings::{Antialiasing, Emission, PhotonSettings};
 use crate::emission::{self, DensityMap, EdgeAdaptive, EmissionDensity, Sequence, Uniform};
 use crate::scene::material::has_sharp_lobe;

@@ -27,10 +27,10 @@ mod settings;
 
 pub use settings::{Antialiasing, Emission, Indirect, Parts, PhotonSettings};
 
-use self::caustic_count::Found;
 use self::caustics::Caustics;
 use self::eye::Eye;
 use self::global::Global;
+use self::looks::Found;
 use self::pilot::Pilot;
 use self::renewed_cache::RenewedCache;
 use super::{Counts, Integrator, Told};

@@ -7,7 +7,8 @@
 //! N S = n C sqrt(V S / (e C))                                                        (1)
 //! ```
 //!
-//! e is what two caches differ by, a quarter of it: the one before is coarser. Before there are two, samples may cost as much as the cache
+//! e is what two caches differ by where both cover what is seen, a quarter of it: the one before is coarser. Before there are two, samples may
+//!             cost as much as the cache
 //! Finer       the k-th cache has the bound 1 / k of the error where both cost the same and caches cost in proportion to 1 / bound: all so far
 //!             is then k (k - 1) times the cost of the first, and k is taken from the cost. Errors of interpolation fall faster than noise: they
 //!             have a sign near shadows, and averages over caches keep it. Measured against the root of k: relMSE after 16 to 24 passes lower
@@ -19,7 +20,7 @@
 //! Source      Knaus & Zwicker 2011 (passes whose bias shrinks), for records in place of photons; Neyman 1934 (1)
 //! Verified by `tests`, tests/photon.rs, tests/cache_reuse.rs
 
-use super::caustic_count::Found;
+use super::looks::Found;
 use super::places;
 use super::settings::PhotonSettings;
 use crate::math::sampler::hash;
@@ -32,7 +33,7 @@ use crate::transport::{CacheSettings, CacheStatistics, CausticMap, HitLight, Irr
 const PIXELS_PER_RECORD: usize = 24;
 /// Records that the first pass may add however few pixels there are.
 const LEAST_RECORDS: usize = 1000;
-/// What a camera sample costs, in rays of the cache.
+/// Rays of a camera sample, before it is known.
 const RAYS_PER_SAMPLE: f64 = 3.0;
 /// Least and most of what samples cost over the cache before it is renewed.
 const SHARE: (f64, f64) = (0.2, 2.0);
@@ -65,6 +66,8 @@ pub(super) struct RenewedCache<'a> {
     first_rays: f64,
     /// V S / e of equation 1, in rays; once it is known.
     worth: Option<f64>,
+    /// What a camera sample costs.
+    rays_per_sample: f64,
 }
 
 /// What samples may cost before a cache that has cost `rays` is renewed, in rays: equation 1, `worth` is V S / e.
@@ -107,6 +110,7 @@ impl<'a> RenewedCache<'a> {
             samples: 0.0,
             first_rays: 0.0,
             worth: None,
+            rays_per_sample: RAYS_PER_SAMPLE,
         }
     }
 
@@ -130,7 +134,8 @@ impl<'a> RenewedCache<'a> {
     /// Learns what the pixels of the picture have of the noise of samples and of that of caches: `found` of the last two caches.
     pub fn learn(&mut self, found: Found) {
         let pixels = f64::from(self.window[2]) * f64::from(self.window[3]);
-        let worth = found.sample * pixels * RAYS_PER_SAMPLE / (OWN * found.map);
+        self.rays_per_sample = found.rays;
+        let worth = found.sample * pixels * found.rays / (OWN * found.difference);
         // Nothing to be seen of either says nothing.
         self.worth = Some(worth).filter(|w| !w.is_nan());
     }
@@ -155,7 +160,7 @@ impl<'a> RenewedCache<'a> {
         let cost = (known.record_rays + known.surfel_rays).total();
         // There are no places for records, and passes see the same places.
         let idle = cost == 0;
-        if pass > 0 && (idle || self.samples_since * RAYS_PER_SAMPLE < due_after(cost as f64, self.worth)) {
+        if pass > 0 && (idle || self.samples_since * self.rays_per_sample < due_after(cost as f64, self.worth)) {
             return None;
         }
         let cache = self.finer(&light, over);
@@ -175,7 +180,7 @@ impl<'a> RenewedCache<'a> {
 
     /// The next cache.
     fn finer(&self, light: &HitLight, over: &(dyn Fn() -> bool + Sync)) -> IrradianceCache<'a> {
-        let all = self.rays().total() as f64 + self.samples * RAYS_PER_SAMPLE;
+        let all = self.rays().total() as f64 + self.samples * self.rays_per_sample;
         let finer = if self.made == 0 { 1.0 } else { fineness(all / self.first_rays) };
         let settings = CacheSettings {
             error: self.usual.error / finer,
