@@ -56,23 +56,40 @@ struct Look {
     rays: f64,
 }
 
+/// What a sample of a pixel brings (luminance), and what it counts.
+fn sample(eye: &Eye, pixel: Vec2, rng: &mut Sampler) -> (f64, Counts) {
+    let mut counts = Counts::default();
+    let ray = ray(eye, pixel, rng);
+    (f64::from(luminance(eye.sample(&ray, rng, &mut counts).0)), counts)
+}
+
+/// Rays that samples took, shadow rays among them.
+fn rays(counts: &Counts) -> f64 {
+    (counts.rays + counts.direct.shadow_rays) as f64
+}
+
+/// Rays of a camera sample in `window`, shadow rays among them.
+pub(super) fn rays_per_sample(eye: &Eye, window: [u32; 4], seed: u64) -> f64 {
+    let look = |k: u64| {
+        let pixel = any_pixel(window, &mut Sampler::new(seed, STREAM, k));
+        rays(&sample(eye, pixel, &mut Sampler::new(seed, STREAM + 3, k)).1)
+    };
+    let counted: Vec<f64> = (0..PIXELS).into_par_iter().map(look).collect();
+    counted.iter().sum::<f64>() / PIXELS as f64
+}
+
 impl Found {
     /// Looks at pixels of `window` (x, y, width, height) with the maps of one pass and of another.
     pub fn new([first, second]: [&Eye; 2], window: [u32; 4], seed: u64) -> Self {
         let look = |k: u64| {
             let pixel = any_pixel(window, &mut Sampler::new(seed, STREAM, k));
-            let sample = |eye: &Eye, stream: u64| {
-                let (mut rng, mut counts) = (Sampler::new(seed, STREAM + stream, k), Counts::default());
-                let ray = ray(eye, pixel, &mut rng);
-                (f64::from(luminance(eye.sample(&ray, &mut rng, &mut counts).0)), counts)
-            };
+            let sample = |eye, stream| sample(eye, pixel, &mut Sampler::new(seed, STREAM + stream, k));
             let [(a, counts_a), (b, counts_b), (c, counts_c)] =
                 [sample(first, 1), sample(second, 1), sample(second, 2)];
-            let rays = [counts_b, counts_c].map(|n| (n.rays + n.direct.shadow_rays) as f64);
             Look {
                 values: [a, b, c],
                 alike: counts_a.cache_misses == counts_b.cache_misses,
-                rays: 0.5 * (rays[0] + rays[1]),
+                rays: 0.5 * (rays(&counts_b) + rays(&counts_c)),
             }
         };
         let looks: Vec<Look> = (0..PIXELS).into_par_iter().map(look).collect();

@@ -203,6 +203,10 @@ impl Integrator for Photon<'_> {
         if pass == 0 && adaptive && self.settings.adaptive_light_samples {
             self.ration_light_samples();
         }
+        if pass == 0 && self.cache.is_some() {
+            let rays = looks::rays_per_sample(&self.eye(), self.window, self.settings.seed);
+            self.cache.iter_mut().for_each(|cache| cache.learn_cost(rays));
+        }
         let samples = self.samples.iter().map(|&wanted| f64::from(self.share(wanted, pass))).sum();
         if let Some(cache) = &mut self.cache {
             cache.count_samples(samples);

@@ -33,8 +33,6 @@ use crate::transport::{CacheSettings, CacheStatistics, CausticMap, HitLight, Irr
 const PIXELS_PER_RECORD: usize = 24;
 /// Records that the first pass may add however few pixels there are.
 const LEAST_RECORDS: usize = 1000;
-/// Rays of a camera sample, before it is known.
-const RAYS_PER_SAMPLE: f64 = 3.0;
 /// Least and most of what samples cost over the cache before it is renewed.
 const SHARE: (f64, f64) = (0.2, 2.0);
 /// What a cache has of the squared difference to the one before, which was coarser.
@@ -66,7 +64,7 @@ pub(super) struct RenewedCache<'a> {
     first_rays: f64,
     /// V S / e of equation 1, in rays; once it is known.
     worth: Option<f64>,
-    /// What a camera sample costs.
+    /// What a camera sample costs, once there have been some.
     rays_per_sample: f64,
 }
 
@@ -110,7 +108,7 @@ impl<'a> RenewedCache<'a> {
             samples: 0.0,
             first_rays: 0.0,
             worth: None,
-            rays_per_sample: RAYS_PER_SAMPLE,
+            rays_per_sample: 0.0,
         }
     }
 
@@ -131,10 +129,15 @@ impl<'a> RenewedCache<'a> {
         self.samples += samples;
     }
 
+    /// Learns what a camera sample costs, in rays.
+    pub fn learn_cost(&mut self, rays_per_sample: f64) {
+        self.rays_per_sample = rays_per_sample;
+    }
+
     /// Learns what the pixels of the picture have of the noise of samples and of that of caches: `found` of the last two caches.
     pub fn learn(&mut self, found: Found) {
         let pixels = f64::from(self.window[2]) * f64::from(self.window[3]);
-        self.rays_per_sample = found.rays;
+        self.learn_cost(found.rays);
         let worth = found.sample * pixels * found.rays / (OWN * found.difference);
         // Nothing to be seen of either says nothing.
         self.worth = Some(worth).filter(|w| !w.is_nan());
