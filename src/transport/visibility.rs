@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! bit(j, i) = V(c_j, y_i),    kappa_j = Var_i(t_i v_i) / Mean_i(t_i v_i)^2     t_i as a white Lambertian surface at c_j has it
-//! s_0(x)    = kappa (albedo mean)^2                                           averages over the k nearest cache points; i: lights with t_i > 0
+//! s_0(x)    = kappa (albedo mean)^2                                           averages over the k nearest cache points
 //! ```
 //!
 //! Shading points are clustered by position and normal ([`mod@clusters`]); in each pass a random one of every cluster is its cache point, so that the
@@ -80,8 +80,8 @@ pub struct VisibilityCache {
     /// Distance between cache points, typically, in six dimensions.
     spacing: f32,
     blocks: Vec<Vec<Words>>,
-    /// Of the lights that may contribute at each point: mean and squared coefficient of variation of what they do to white surfaces, and their share.
-    spread: Vec<[f32; 3]>,
+    /// Mean and squared coefficient of variation of what lights contribute at each point, white surfaces.
+    spread: Vec<[f32; 2]>,
     /// Shadow rays traced.
     pub rays: u64,
 }
@@ -95,12 +95,10 @@ pub struct Neighbours {
     pub points: ArrayVec<u32, MOST_NEIGHBOURS>,
     /// Class of the place, for the posterior.
     pub surrounding: usize,
-    /// Mean contribution to a white surface here of a light that may contribute (faces it, t > 0), and its squared coefficient of variation.
+    /// Mean contribution of a light here to a white surface, and its squared coefficient of variation.
     pub mean: f32,
     /// See `mean`.
     pub kappa: f32,
-    /// Share of these lights.
-    pub share: f32,
 }
 
 impl VisibilityCache {
@@ -127,21 +125,20 @@ impl VisibilityCache {
             spacing: 1.0,
             rays: 0,
         };
-        let mut sums = vec![[0.0f64; 3]; cache.points.len()];
+        let mut sums = vec![[0.0f64; 2]; cache.points.len()];
         for ((block, _), (words, part, rays)) in tasks.into_iter().zip(done) {
             cache.blocks[block].extend(words);
             for (sum, p) in sums[block * 64..].iter_mut().zip(part) {
                 sum[0] += p[0];
                 sum[1] += p[1];
-                sum[2] += p[2];
             }
             cache.rays += rays;
         }
-        let spread = |[sum, squares, telling]: [f64; 3]| {
-            let count = telling.max(1.0);
+        let spread = |[sum, squares]: [f64; 2]| {
+            let count = n.max(1) as f64;
             let (mean, square) = (sum / count, squares / count);
             let kappa = if mean > 0.0 { (square / (mean * mean) - 1.0).max(0.0) } else { 0.0 };
-            [mean as f32, kappa as f32, (telling / n.max(1) as f64) as f32]
+            [mean as f32, kappa as f32]
         };
         cache.spread = sums.into_iter().map(spread).collect();
         cache.spacing = cache.typical_spacing(&places);
@@ -190,8 +187,7 @@ impl VisibilityCache {
                 None => out.masks.push((block, bit)),
             }
             out.points.push(point);
-            let [mean, kappa, share] = self.spread[point as usize];
-            out.share += share / found.len() as f32;
+            let [mean, kappa] = self.spread[point as usize];
             out.mean += mean / found.len() as f32;
             out.kappa += kappa / found.len() as f32;
             cos = cos.min(self.points[point as usize].n_shade.dot(n));
@@ -228,7 +224,7 @@ impl VisibilityCache {
 }
 
 /// The cache points of one cache after the other as a point cloud, binary PLY, little-endian: position x y z, normal nx ny nz, mean contribution of a
-/// light that faces it to a white surface there (W/(m^2 sr)), and its squared coefficient of variation kappa.
+/// light to a white surface there (W/(m^2 sr)), and its squared coefficient of variation kappa.
 pub fn write_ply(caches: &[&VisibilityCache]) -> Vec<u8> {
     const FLOATS: [&str; 8] = ["x", "y", "z", "nx", "ny", "nz", "mean", "kappa"];
     let count: usize = caches.iter().map(|c| c.points.len()).sum();
@@ -236,7 +232,7 @@ pub fn write_ply(caches: &[&VisibilityCache]) -> Vec<u8> {
     for cache in caches {
         for (point, spread) in cache.points.iter().zip(&cache.spread) {
             let values = [point.p.to_array(), point.n_shade.to_array()];
-            values.as_flattened().iter().chain(&spread[..2]).for_each(|v| out.extend(v.to_le_bytes()));
+            values.as_flattened().iter().chain(spread).for_each(|v| out.extend(v.to_le_bytes()));
         }
     }
     out
@@ -249,12 +245,12 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Words of the lights; sums of contributions, of their squares and of lights that may contribute, by cache point; rays.
-    fn run(&self, points: &[Facet], block: usize, first: usize) -> (Vec<Words>, Vec<[f64; 3]>, u64) {
+    /// Words of the lights, sums of contributions and of their squares by cache point, rays.
+    fn run(&self, points: &[Facet], block: usize, first: usize) -> (Vec<Words>, Vec<[f64; 2]>, u64) {
         let points = &points[block * 64..points.len().min(block * 64 + 64)];
         let lights = &self.vpls.lights[first..self.vpls.lights.len().min(first + CHUNK)];
         let mut words = vec![Words::default(); lights.len()];
-        let mut sums = vec![[0.0; 3]; points.len()];
+        let mut sums = vec![[0.0; 2]; points.len()];
         let mut rays = 0;
         for (bit, point) in points.iter().enumerate() {
             let at = point.surface_point();
@@ -278,7 +274,6 @@ impl Task<'_> {
                 let contribution = f64::from(t * share);
                 sums[bit][0] += contribution;
                 sums[bit][1] += contribution * contribution;
-                sums[bit][2] += 1.0;
             }
         }
         (words, sums, rays)

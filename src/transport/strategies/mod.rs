@@ -191,8 +191,7 @@ impl<'a> ManyLights<'a> {
         // The cache points' mean is that of a white surface, whose f is 1 / pi.
         let local = near.mean * r.reach * std::f32::consts::PI;
         let sigma2 = near.kappa * local * local;
-        // Lights that turn their backs need no ray: neither these nor their zeros count.
-        let n0 = 1.0 + r.eye_rays as f32 / (self.vpls.lights.len() as f32 * near.share).max(1.0);
+        let n0 = 1.0 + r.eye_rays as f32 / self.vpls.lights.len() as f32;
         match self.settings.strategy {
             Strategy::Veach => (veach::roulette(size, sigma2, n0), None),
             Strategy::Nabata => {

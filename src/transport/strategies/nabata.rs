@@ -5,7 +5,7 @@
 //! A = t^2 max(eps_1, q (1 - q))                                       eq. 11 (the population variance of the bits)
 //! p = 1 - sqrt(A (n_0 - 1) / (sigma_0^2 - A)),  0 where A n_0 >= sigma_0^2      eq. 10; p: probability that the ray is skipped
 //! u = 1 - min(1 - eps_2, max(0, p))                                   eq. 12
-//! n_0 = n_d / N + 1                                                   eq. 13; N, sigma_0: of the lights with t > 0
+//! n_0 = n_d / N + 1                                                   eq. 13
 //! ```
 //!
 //! Repaired where METHODS 1.A says: sigma_0^2 is interpolated as a coefficient of variation times the local mean (b). Since n_0 - 1 is tiny, nearly

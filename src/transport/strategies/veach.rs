@@ -5,9 +5,7 @@
 //! ```
 //!
 //! Small contributions are rarely checked, whatever is known of their visibility. sigma_0^2 is the variance of t v over the lights, read from the cache
-//! points (METHODS 1.B); n_0 counts rays per light, n_d / N of them from the eye. N and sigma_0^2 are those of the lights that may contribute, t > 0: a sample
-//! without a ray is none in Veach's balance of variance and rays. With the zeros of all others in it sigma_0 is too small by the root of the share
-//! of such lights, and a tenth more rays are traced than is best.
+//! points (METHODS 1.B); n_0 counts rays per light, n_d of them from the eye.
 //! Source: Veach 1997, section 10.4.1, as the baseline of Nabata et al. Bias: none; u is kept above [`LEAST_CHECK`].
 //! Verified by `tests`: mean over all coin patterns.
 
