@@ -381,35 +381,3 @@ fn residual_roulette_has_the_mean_of_gathering_even_where_the_cache_is_wrong() {
     let believed = wrong(Indirect::Cache, 3);
     assert!(!agrees(believed) && believed.0 > 1.2 * b, "{believed:?}, gathering {b}");
 }
-
-#[test]
-fn several_rays_in_gaps_keep_the_mean_and_lower_the_noise() {
-    let parts = Parts { direct: false, caustic: false, indirect: true };
-    let settings = |seed, indirect| PhotonSettings {
-        indirect,
-        parts,
-        seed,
-        adaptive_sampling: false,
-        antialiasing: Antialiasing::Off,
-        ..PhotonSettings::default()
-    };
-    let desc = || room(&|_| {});
-    // A cache of one gap.
-    let in_gaps = |seed| {
-        let scene = Scene::new(desc()).expect("the scene is valid");
-        let accel = Accel::new(&scene.shapes);
-        let (window, lights) = (scene.film.crop, LightTree::new(&scene));
-        let world = World::new(&scene, &accel).with_lights(&lights);
-        let cache = IrradianceCache::new(world, CacheSettings::default());
-        let mut integrator =
-            Photon::new(world, settings(seed, Indirect::Cache), window).with_cache(cache).expect("a cache is used");
-        let run = RenderSettings { window, passes: Some(4), deadline: None, seed, features: false };
-        render(&scene, &mut integrator, &run, &AtomicBool::new(false), &mut Silent)
-    };
-    let plain = |seed| render_photon(desc(), settings(seed, Indirect::Gather), 4);
-    let [(a, a_error), (b, b_error)] = [mean_over_runs(24, in_gaps), mean_over_runs(24, plain)];
-    assert!((a - b).abs() < LIMIT * a_error.hypot(b_error), "{a} +- {a_error}, one ray {b} +- {b_error}");
-    assert!(b_error < 0.01 * b, "the test has no power: {b} +- {b_error}");
-    // An eighth of the variance but for the places in the pixels; of 24 runs, the quotient is known to a factor of 2.
-    assert!(a_error * a_error < 0.4 * b_error * b_error, "{a_error}, one ray {b_error}");
-}

@@ -70,7 +70,8 @@ pub struct PhotonArgs {
     pub only: Vec<Part>,
 }
 
-/// Flags of the integrator `many-light`; it heeds --light-sampling, --light-samples, --caustic-photons and --only as well.
+/// Flags of the integrator `many-light`; it heeds --light-sampling, --light-samples, --photons, --caustic-photons and --only
+/// as well.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Many-light integrator")]
 pub struct ManyLightArgs {

@@ -128,7 +128,7 @@ fn many_light_settings(args: &RenderArgs, scene: &Scene) -> ManyLightSettings {
         compensate: !flags.no_compensation,
         area: flags.vpl_area.map_or(default.area, |a| a as f32),
         caustic_photons: photon.caustic_photons,
-        photons: photon.photons,
+        photons: args.photon.photons,
         interleave: flags.interleave.unwrap_or(default.interleave),
         watched: flags.watch_light,
         parts: photon.parts,

@@ -45,6 +45,7 @@ use super::surfel_light::{HitLight, SurfelLight, SurfelSettings};
 use super::surfels::Facet;
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec3, luminance, warp};
+use growth::is_smallest;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -395,9 +396,4 @@ impl<'a> IrradianceCache<'a> {
         cache.index();
         Some(cache)
     }
-}
-
-/// Whether a record has the least radius.
-fn is_smallest(record: &Record, least: f32) -> bool {
-    record.radii.max_element() <= least * 1.001
 }

@@ -61,7 +61,7 @@ pub mod surfel_direct;
 pub mod surfel_light;
 pub mod surfels;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 pub mod visibility;
 pub mod vpl;
 pub mod vpl_tree;

@@ -92,8 +92,8 @@ impl<'a> ManyLight<'a> {
     /// An integrator for the pixels of `window` (x, y, width, height).
     pub fn new(world: World<'a>, settings: ManyLightSettings, window: [u32; 4]) -> Self {
         let pixels = window[2] as usize * window[3] as usize;
-        // Where caustics are not shown, only short paths ask them.
-        let seldom = !settings.parts.caustic;
+        // Where caustics are not shown, only short paths ask them, and those that find reflected light.
+        let seldom = !settings.parts.caustic && settings.photons != Some(0);
         let photon = PhotonSettings {
             path: settings.path,
             caustic_photons: settings.caustic_photons.or(seldom.then_some(FEW_CAUSTIC_PHOTONS)),
@@ -244,7 +244,6 @@ impl Integrator for ManyLight<'_> {
 
     fn prepare(&mut self, pass: u64, _over: &(dyn Fn() -> bool + Sync)) {
         if let Some(caustics) = &mut self.caustics {
-            self.prepared.photons += caustics.emitted();
             self.map = Some(caustics.map(pass));
         }
         if let Some(reflected) = &self.reflected {
@@ -268,7 +267,8 @@ impl Integrator for ManyLight<'_> {
     }
 
     fn prepared(&self) -> Counts {
-        Counts { shadow_rays: self.cache_rays, ..self.prepared }
+        let photons = self.prepared.photons + self.caustics.as_ref().map_or(0, Caustics::emitted);
+        Counts { photons, shadow_rays: self.cache_rays, ..self.prepared }
     }
 
     fn learns(&self) -> bool {
@@ -299,7 +299,7 @@ impl Integrator for ManyLight<'_> {
             all.push(("caustic photons stored", map.stored() as u64));
         }
         if let Some(map) = &self.reflected_map {
-            all.push(("photons stored", map.stored() as u64));
+            all.push(("reflected photons stored", map.stored() as u64));
         }
         if self.lights.iter().any(|l| l.cache.is_some()) {
             all.push(("cache points", sum(|l| l.cache.as_ref().map_or(0, |c| c.points().len()))));

@@ -8,7 +8,7 @@
 //!   L (D | S)* r d      the last scattering before d is one by r: all but L S+ d, the caustics, which have photons of their own
 //!
 //! Source      Jensen 1996 (caustic photons of light that has been indirect before); METHODS 6.3 (partition by path class)
-//! Bias        the width of kernels, less from pass to pass; [`ManyLightSettings::photons`] of 0 leaves this light to paths, without bias
+//! Bias        the width of kernels, less from pass to pass; [`ManyLightSettings::photons`] of 0 leaves this light to paths, without that bias
 //! Verified by tests/many_light.rs: agreement with paths on every material, with and without these photons; `transport::tests` (the classes
 //!             of photons are a partition)
 

@@ -25,7 +25,8 @@ pub struct ManyLightSettings {
     /// Areas of the discs, in areas of the photons' footprints; 0: points. Small ones: what discs leave out comes back as noise of short paths. In the
     /// Cornell box the error of two passes was 0.0076 at 1, 0.0041 at 0.2, 0.0031 at 0.04 and at 0.01, 0.0036 at 0.002, where points begin to show.
     pub area: f32,
-    /// Photons per pass for caustics; `None`: as many as pixels.
+    /// Photons per pass for caustics; `None`: as [`PhotonSettings::caustic_photons`](crate::integrators::photon::PhotonSettings), 8,192 where only short
+    /// paths ask them.
     pub caustic_photons: Option<u64>,
     /// Photons per pass of the light that diffuse surfaces get from mirrors, glass and gloss; `None`: one for four pixels, from 8,192 to 262,144; 0:
     /// paths find it.

@@ -339,9 +339,9 @@ impl Eye<'_> {
             if is_rest { (unknown, shares[1]) = (None, p) } else { (rest, shares[0]) = (None, chosen * p) }
         }
         let u = Vec2::new(ux, uy);
-        sample.features.makeup.gathers += f32::from(u8::from(unknown.is_some()));
         if let Some(d) = unknown {
             let rays = self.rays_in_gap(&b, end);
+            sample.features.makeup.gathers += rays as f32;
             if rays > 1 {
                 self.gather_in_gap(&b, end, d, (rays, shares[0]), sample);
             } else if let Some(s) = d.sample(end.wo, u_lobe, u, Transport::Radiance) {

@@ -104,9 +104,9 @@ fn found(looks: &[Look]) -> Found {
     let count = looks.len().max(1) as f64;
     let mean = looks.iter().map(|l| 0.5 * (l.values[1] + l.values[2])).sum::<f64>() / count;
     let relative = |d: f64, l: &Look| relative_square(d, 0.5 * (l.values[1] + l.values[2]), mean).min(OUTLIER);
-    let alike = looks.iter().filter(|l| l.alike);
+    let difference = |l: &&Look| if l.alike { relative(l.values[0] - l.values[1], l) } else { 0.0 };
     Found {
-        difference: alike.map(|l| relative(l.values[0] - l.values[1], l)).sum::<f64>() / count,
+        difference: looks.iter().map(difference).sum::<f64>() / count,
         sample: looks.iter().map(|l| 0.5 * relative(l.values[1] - l.values[2], l)).sum::<f64>() / count,
         rays: looks.iter().map(|l| l.rays).sum::<f64>() / count,
     }

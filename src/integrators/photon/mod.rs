@@ -203,7 +203,7 @@ impl Integrator for Photon<'_> {
         if pass == 0 && adaptive && self.settings.adaptive_light_samples {
             self.ration_light_samples();
         }
-        if pass == 0 && self.cache.is_some() {
+        if pass == 0 && !over() && self.cache.as_ref().is_some_and(RenewedCache::is_renewed) {
             let rays = looks::rays_per_sample(&self.eye(), self.window, self.settings.seed);
             self.cache.iter_mut().for_each(|cache| cache.learn_cost(rays));
         }

@@ -129,9 +129,14 @@ impl<'a> RenewedCache<'a> {
         self.samples += samples;
     }
 
-    /// Learns what a camera sample costs, in rays.
+    /// Whether there will be others: not so of one that came from elsewhere.
+    pub fn is_renewed(&self) -> bool {
+        self.loaded.is_none()
+    }
+
+    /// Learns what a camera sample costs, in rays: at least the one from the camera.
     pub fn learn_cost(&mut self, rays_per_sample: f64) {
-        self.rays_per_sample = rays_per_sample;
+        self.rays_per_sample = rays_per_sample.max(1.0);
     }
 
     /// Learns what the pixels of the picture have of the noise of samples and of that of caches: `found` of the last two caches.

@@ -10,7 +10,7 @@ use super::super::sightings::{Sightings, Teller};
 use super::super::surfel_demand::Demand;
 use super::super::surfel_light::HitLight;
 use super::super::surfels::Facet;
-use super::{DARK, IrradianceCache, LOOK, is_smallest};
+use super::{DARK, IrradianceCache, LOOK};
 use crate::math::sampler::hash;
 use crate::math::{Rgb, luminance};
 use rayon::prelude::*;
@@ -20,9 +20,9 @@ use std::sync::Arc;
 const HOPELESS: (usize, f32) = (256, 0.45);
 /// Records whose normals' cosine is less do not bound each other's radii.
 const SAME_SURFACE: f32 = 0.7;
-/// Difference between what a record predicts for another one that it covers and what that one has gathered, over the greater of the two, from
-/// which on it ends before it. Noise of records is mostly less.
-const DISAGREE: f32 = 0.2;
+/// Difference between what a record predicts for another one that it covers and what that one has gathered, over the greater of the two or
+/// [`DARK`] of the mean, from which on it ends before it: most noise of records is less.
+const DISAGREE: f32 = 0.3;
 /// Most records that are gathered anew once they have told of bright patches, and the stream of random numbers of their new rays.
 const AGAIN: usize = 512;
 const AGAIN_STREAM: u64 = 0x1cb;
@@ -30,6 +30,11 @@ const AGAIN_STREAM: u64 = 0x1cb;
 const UNEVEN: f32 = 0.15;
 /// Number of records at which they tell anew what they have seen, over the number before: a quotient.
 const SIGHT: (usize, usize) = (5, 4);
+
+/// Whether a record has the least radius.
+pub(super) fn is_smallest(record: &Record, least: f32) -> bool {
+    record.radii.max_element() <= least * 1.001
+}
 
 impl IrradianceCache<'_> {
     /// Gives up shapes on which records cover next to nothing.
@@ -169,9 +174,11 @@ impl IrradianceCache<'_> {
     }
 
     /// R_i <= R_j + |x_i - x_j| for records of one surface (Krivanek et al. 2006, section 4): what one has seen nearby, such
-    /// as a corner, the others learn; and R_i b < |x_i - x_j| if what i predicts at x_j is not what j has gathered (the same, section 3): an edge of
+    /// as a corner, the others learn; and d_i(x_j) >= b if what i predicts at x_j is not what j has gathered (their adaptive caching): an edge of
     /// light that lies between them is in the derivatives of neither, if their rays have seen one side each. Never below the least radius.
     pub(super) fn bound_by_neighbours(&mut self) {
+        let sum: f32 = self.records.iter().map(|r| luminance(r.irradiance)).sum();
+        let floor = DARK * sum / self.records.len() as f32;
         let limits: Vec<Vec<(u32, f32)>> = (0..self.records.len())
             .into_par_iter()
             .with_min_len(64)
@@ -180,9 +187,7 @@ impl IrradianceCache<'_> {
                 let mut wide = Vec::new();
                 self.tree.containing(near.p, |i| {
                     let far = &self.records[i as usize];
-                    let apart = (near.p - far.p).length();
-                    let limit = if disagree(far, near) { apart / BORDER } else { f32::INFINITY };
-                    let bound = limit.min(near.mean_radius() + apart);
+                    let bound = (near.mean_radius() + (near.p - far.p).length()).min(end_before(far, near, floor));
                     if far.mean_radius() > bound && far.frame.n.dot(near.frame.n) > SAME_SURFACE {
                         wide.push((i, bound));
                     }
@@ -201,10 +206,16 @@ impl IrradianceCache<'_> {
     }
 }
 
-/// Whether the light that `far` predicts at the place of `near`, if it covers that, is not what is there. Not so of a record itself.
-fn disagree(far: &Record, near: &Record) -> bool {
+/// Mean radius with which `far` is of no more use at the place of `near`, if it covers that and predicts something else there than what `near` has
+/// gathered; infinite if not. Errors of what is darker than `floor` are relative to that.
+fn end_before(far: &Record, near: &Record, floor: f32) -> f32 {
     let n = near.frame.n;
-    let covered = far.p != near.p && far.distance(near.p, n, n).is_some_and(|d| d < 1.0);
-    let (predicted, there) = (luminance(far.predict(near.p, n)), luminance(near.irradiance));
-    covered && (predicted - there).abs() > DISAGREE * predicted.max(there)
+    match far.distance(near.p, n, n) {
+        Some(d) if d < 1.0 && far.p != near.p => {
+            let (predicted, there) = (luminance(far.predict(near.p, n)), luminance(near.irradiance));
+            let disagree = (predicted - there).abs() > DISAGREE * predicted.max(there).max(floor);
+            if disagree { far.mean_radius() * d / BORDER } else { f32::INFINITY }
+        }
+        _ => f32::INFINITY,
+    }
 }
