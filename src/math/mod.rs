@@ -14,7 +14,7 @@ pub mod stats;
 pub mod warp;
 
 pub use frame::Frame;
-pub use glam::{Affine2, DMat4, DVec3, Mat3, Vec2, Vec3, Vec4};
+pub use glam::{Affine2, DMat4, DVec3, Mat3, Mat4, Vec2, Vec3, Vec4};
 pub use residual_roulette::{Prediction, Price, ResidualRoulette};
 pub use sampler::Sampler;
 

@@ -1,11 +1,11 @@
-//! Numbers of eight photons side by side, and the arithmetic on them by the vector units there are.
+//! Numbers of eight photons or lights side by side, and the arithmetic on them by the vector units there are.
 //!
 //! [`Wide`] has two implementations: pairs of four lanes, which any processor runs, and AVX2's eight. Each operation does the same to each
 //! lane in both, without fused multiply-add: the results are equal bit for bit. An algorithm is written once, for any `W: Wide`, inlined
-//! into one function for each ([`super::photon_lanes`]); without closures, which would not be compiled for its vector units.
+//! into one function for each ([`super::photon_lanes`], `strategies::joint`); without closures, which would not be compiled for its vector units.
 //! Verified by `tests/lanes.rs`: the same bits by both.
 
-use crate::math::{Vec3, Vec4};
+use crate::math::{Mat4, Vec3, Vec4};
 
 /// Lanes.
 pub const WIDTH: usize = 8;
@@ -34,6 +34,16 @@ pub trait Wide: Copy {
     fn minus(self, other: Self) -> Self;
     /// Product.
     fn times(self, other: Self) -> Self;
+    /// Quotient.
+    fn over(self, other: Self) -> Self;
+    /// Square root.
+    fn root(self) -> Self;
+    /// The larger number; where one is NaN, `other`.
+    fn larger(self, other: Self) -> Self;
+    /// The smaller number; where one is NaN, `other`.
+    fn smaller(self, other: Self) -> Self;
+    /// Without its sign.
+    fn size(self) -> Self;
     /// self <= other; false for NaN.
     fn at_most(self, other: Self) -> Self::Mask;
     /// self < other; false for NaN.
@@ -56,6 +66,25 @@ pub fn splat3<W: Wide>(v: Vec3) -> [W; 3] {
 #[inline(always)]
 pub fn dot<W: Wide>(rows: &[Eight; 3], v: &[W; 3]) -> W {
     W::load(&rows[0]).times(v[0]).plus(W::load(&rows[1]).times(v[1])).plus(W::load(&rows[2]).times(v[2]))
+}
+
+/// Eight vectors of four numbers as four times eight numbers.
+#[inline(always)]
+pub fn transposed(rows: &[Vec4; WIDTH]) -> [Eight; 4] {
+    let of = |k: usize| Mat4::from_cols(rows[k], rows[k + 1], rows[k + 2], rows[k + 3]).transpose();
+    let [a, b] = [of(0), of(4)];
+    [[a.x_axis, b.x_axis], [a.y_axis, b.y_axis], [a.z_axis, b.z_axis], [a.w_axis, b.w_axis]]
+}
+
+/// Eight numbers of an array.
+#[inline(always)]
+pub fn lanes(v: &[f32; WIDTH]) -> Eight {
+    [Vec4::new(v[0], v[1], v[2], v[3]), Vec4::new(v[4], v[5], v[6], v[7])]
+}
+
+/// Sum of all lanes.
+pub fn total([a, b]: Eight) -> f32 {
+    (a + b).to_array().iter().sum()
 }
 
 impl Wide for Eight {
@@ -89,6 +118,33 @@ impl Wide for Eight {
     #[inline(always)]
     fn times(self, other: Self) -> Self {
         [self[0] * other[0], self[1] * other[1]]
+    }
+
+    #[inline(always)]
+    fn over(self, other: Self) -> Self {
+        [self[0] / other[0], self[1] / other[1]]
+    }
+
+    #[inline(always)]
+    fn root(self) -> Self {
+        [self[0].sqrt(), self[1].sqrt()]
+    }
+
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        let of = |a: Vec4, b: Vec4| Vec4::select(a.cmpgt(b), a, b);
+        [of(self[0], other[0]), of(self[1], other[1])]
+    }
+
+    #[inline(always)]
+    fn smaller(self, other: Self) -> Self {
+        let of = |a: Vec4, b: Vec4| Vec4::select(a.cmplt(b), a, b);
+        [of(self[0], other[0]), of(self[1], other[1])]
+    }
+
+    #[inline(always)]
+    fn size(self) -> Self {
+        [self[0].abs(), self[1].abs()]
     }
 
     #[inline(always)]
@@ -164,6 +220,31 @@ mod x86 {
         #[inline(always)]
         fn times(self, other: Self) -> Self {
             Avx2(unsafe { _mm256_mul_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn over(self, other: Self) -> Self {
+            Avx2(unsafe { _mm256_div_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn root(self) -> Self {
+            Avx2(unsafe { _mm256_sqrt_ps(self.0) })
+        }
+
+        #[inline(always)]
+        fn larger(self, other: Self) -> Self {
+            Avx2(unsafe { _mm256_max_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn smaller(self, other: Self) -> Self {
+            Avx2(unsafe { _mm256_min_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn size(self) -> Self {
+            Avx2(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
         }
 
         #[inline(always)]

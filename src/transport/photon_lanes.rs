@@ -10,7 +10,7 @@
 //! Source: the estimate is that of [`super::photon_map`]; this is its layout. Bias: none of its own.
 //! Verified by `tests/lanes.rs`: the same sum photon by photon.
 
-use super::eight::{Eight, Wide, all, dot, splat3};
+use super::eight::{Eight, Wide, all, dot, splat3, total};
 use super::obstacle::{NONE, Obstacles};
 use super::photon_map::NORMAL_CONE;
 use super::photon_tree::{LeafVisitor, PhotonTree};
@@ -122,11 +122,6 @@ impl Lanes {
         }
         lanes
     }
-}
-
-/// Sum of all lanes.
-fn total([a, b]: Eight) -> f32 {
-    (a + b).to_array().iter().sum()
 }
 
 /// Irradiance at a point, lane by lane.

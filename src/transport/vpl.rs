@@ -20,10 +20,11 @@
 //! Verified by tests/many_light.rs: agreement with paths, furnace
 
 use super::World;
+use super::eight::{Eight, WIDTH, transposed};
 use super::photon_walk::{Goal, WalkSettings, trace};
 use crate::emission::{EmissionDensity, Sequence, Uniform};
 use crate::formats::ply::points;
-use crate::math::{Rgb, Vec3};
+use crate::math::{Rgb, Vec3, Vec4};
 use crate::scene::{Bsdf, Scene, Transport};
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -40,7 +41,7 @@ const ISOTROPIC: u32 = u32::MAX - 1;
 
 /// A virtual point light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(64))]
+#[repr(C, align(64))]
 pub struct Vpl {
     /// Where.
     pub p: Vec3,
@@ -189,7 +190,40 @@ impl Vpl {
     }
 }
 
+/// Eight Lambertian lights side by side.
+pub struct EightVpls {
+    /// Where.
+    pub p: [Eight; 3],
+    /// A / pi.
+    pub radius2: Eight,
+    /// Unit geometric normals, on the lit side.
+    pub n: [Eight; 3],
+    /// Unit shading normals.
+    pub n_shade: [Eight; 3],
+    /// Intensities along the normal, W/sr.
+    pub power: [Eight; 3],
+}
+
 impl Vpls {
+    /// The lights with these indices, as if all were Lambertian.
+    #[inline(always)]
+    pub fn eight(&self, indices: &[u32; WIDTH]) -> EightVpls {
+        let (mut p, mut n, mut n_shade, mut power) =
+            ([Vec4::ZERO; 8], [Vec4::ZERO; 8], [Vec4::ZERO; 8], [Vec4::ZERO; 8]);
+        for k in 0..WIDTH {
+            let light = &self.lights[indices[k] as usize];
+            p[k] = light.p.extend(light.radius2);
+            n[k] = light.n.extend(light.strength);
+            // The fourth is not used: what lies there spares a mask.
+            n_shade[k] = light.n_shade.extend(f32::from_bits(light.segments));
+            power[k] = light.power.extend(f32::from_bits(light.material));
+        }
+        let [px, py, pz, radius2] = transposed(&p);
+        let ([nx, ny, nz, _], [sx, sy, sz, _]) = (transposed(&n), transposed(&n_shade));
+        let [red, green, blue, _] = transposed(&power);
+        EightVpls { p: [px, py, pz], radius2, n: [nx, ny, nz], n_shade: [sx, sy, sz], power: [red, green, blue] }
+    }
+
     /// Lambertian lights that come from elsewhere.
     pub fn from_lights(lights: Vec<Vpl>) -> Self {
         Vpls { lights, ..Vpls::default() }

@@ -1,21 +1,14 @@
-//! A hierarchy over virtual lights: what a whole group of them can contribute to a point, at most.
-//!
-//! ```text
-//! bound(x) = reach max_i I_i cos_x cos_y / (d^2 + A/pi)      reach: largest f of the surface, mean of the channels
-//!            d: distance to the box of the group; cos_x, cos_y: largest cosines at the surface and at lights of the cone of normals that lie
-//!            anywhere in the sphere around the box
-//! ```
-//!
-//! Beside the bound there is an estimate, the same at the middle of the group: what a light of it typically contributes. Probabilities in proportion
-//! to bounds alone would waste looks on distant groups, whose boxes make every cosine possible.
+//! A hierarchy over virtual lights.
 //!
 //! Binary, cut through the middle of the longest side of the box of positions and normals (as the clusters of shading points are), with up to
 //! [`LEAF`] lights in a leaf. Lights are put into the order of the tree, so that groups are ranges and neighbours in space lie side by side.
-//! Measure     the bound is a radiance
-//! Bias        none: bounds serve as probabilities; even one that is too low only costs variance
-//! Source      cones and clamped cosines after Conty Estevez & Kulla 2018; METHODS 2.B (thinning)
-//! Verified by tests of `strategies`: no light above the bound of any of its groups
+//! What a whole group can contribute to a point: [`groups`].
+//! Bias        none: any hierarchy gives the same mean
+//! Verified by tests of `strategies`
 
+pub mod groups;
+
+use self::groups::GroupTree;
 use super::visibility::VisibilityCache;
 use super::visibility::clusters::{Point6, longest_side, point6, scale};
 use super::vpl::{Vpl, Vpls};
@@ -23,11 +16,6 @@ use crate::math::Vec3;
 
 /// Most lights in a leaf.
 pub const LEAF: usize = 8;
-
-/// Least share of visible lights that is believed of a group.
-const LEAST_SHARE: f32 = 0.03;
-/// Bound over estimate, at most.
-const NARROWEST: f32 = 8.0;
 
 /// A group of lights.
 #[derive(Clone, Copy, Debug)]
@@ -73,71 +61,13 @@ impl Node {
     pub fn in_range(&self, p: Vec3) -> bool {
         self.distance2(p) <= self.range2 * 1.0001
     }
-
-    /// What one of its lights contributes at most at `p` to a surface of the given reach, and what [`Self::typical`] asks for; `n`: nothing
-    /// comes from below its plane.
-    #[inline]
-    pub fn bound(&self, p: Vec3, n: Option<Vec3>, reach: f32) -> (f32, Aspect) {
-        let d = self.centre - p;
-        let centre2 = d.length_squared();
-        let distance2 = (d.abs() - self.half).max(Vec3::ZERO).length_squared();
-        // Nothing is divided by the distance to a box that is touched.
-        let inverse = 1.0 / distance2.max(f32::MIN_POSITIVE).sqrt();
-        let height = n.map_or(0.0, |n| d.dot(n));
-        let facing = -d.dot(self.axis);
-        let flux = reach * self.strength;
-        let aspect = Aspect { flux, centre2, height, facing, one_sided: n.is_some() };
-        let slack = self.sphere * 1.0001 + 1e-6 * d.abs().max_element();
-        let cos_x = match n {
-            Some(_) if height + slack <= 0.0 => return (0.0, aspect),
-            Some(_) => ((height + slack) * inverse).min(1.0),
-            None => 1.0,
-        };
-        // cos (a - b) <= cos a + sin b for angles a to the axis and b of the cone, both below a right angle; nothing if a - b is beyond one.
-        let cos_y = if self.cos <= 0.0 {
-            1.0
-        } else if facing + slack > 0.0 {
-            ((facing + slack) * inverse + self.sin).min(1.0)
-        } else if facing + slack < -self.sin * (centre2.sqrt() + slack) {
-            return (0.0, aspect);
-        } else {
-            self.sin
-        };
-        (flux * cos_x * cos_y / (distance2 + self.radius2).max(f32::MIN_POSITIVE), aspect)
-    }
-
-    /// What one of its lights typically contributes where [`Self::bound`] has given these: never less than an eighth of the bound.
-    #[inline]
-    pub fn typical(&self, bound: f32, at: &Aspect) -> f32 {
-        // Lights of a box lie a third of its sphere's squared radius from its middle, on average.
-        let d2 = at.centre2 + self.sphere * self.sphere * (1.0 / 3.0);
-        let facing = at.facing.max(0.0);
-        let cosines = if at.one_sided { at.height.max(0.0) * facing } else { facing * d2.sqrt() };
-        let typical = at.flux * cosines / (d2 * (d2 + self.radius2));
-        if typical < bound { typical.max(bound * (1.0 / NARROWEST)) } else { bound }
-    }
-}
-
-/// How a group lies to a point.
-#[derive(Clone, Copy, Debug)]
-pub struct Aspect {
-    /// Reach times strength.
-    flux: f32,
-    /// Squared distance of the middle.
-    centre2: f32,
-    /// Of the middle above the surface's plane.
-    height: f32,
-    /// Of the point along the axis of the group.
-    facing: f32,
-    one_sided: bool,
 }
 
 /// The hierarchy; node 0 is the root, if there is any light.
 #[derive(Clone, Debug, Default)]
 pub struct VplTree {
     nodes: Vec<Node>,
-    /// Root of the share of lights that a cache point sees, by cache point and node: neighbouring points ask one row.
-    seen: Vec<f32>,
+    groups: GroupTree,
 }
 
 impl VplTree {
@@ -150,6 +80,7 @@ impl VplTree {
         if !order.is_empty() {
             tree.grow(&vpls.lights, &points, &mut order, 0);
         }
+        tree.groups = GroupTree::new(&tree.nodes);
         vpls.lights = order.iter().map(|&i| vpls.lights[i as usize]).collect();
         tree
     }
@@ -197,30 +128,14 @@ impl VplTree {
         }
     }
 
-    /// Counts for every node what the cache points see of its lights.
-    pub fn count_visible(&mut self, cache: &VisibilityCache) {
-        let points = cache.points().len();
-        self.seen = vec![1.0; self.nodes.len() * points];
-        for point in 0..points {
-            let mut sums = vec![[0u32; 2]];
-            for (visible, telling) in cache.bits(point) {
-                let [v, t] = sums[sums.len() - 1];
-                sums.push([v + u32::from(visible), t + u32::from(telling)]);
-            }
-            for (i, node) in self.nodes.iter().enumerate() {
-                let (a, b) = (sums[node.first as usize], sums[(node.first + node.count) as usize]);
-                // As if one half of one more light had been seen.
-                let share = ((b[0] - a[0]) as f32 + 0.5) / ((b[1] - a[1]) as f32 + 1.0);
-                self.seen[point * self.nodes.len() + i] = share.max(LEAST_SHARE).sqrt();
-            }
-        }
+    /// The same by eights, with bounds.
+    pub fn groups(&self) -> &GroupTree {
+        &self.groups
     }
 
-    /// Root of the share of each node's lights that a cache point sees; empty where none was asked.
-    #[inline]
-    pub fn seen(&self, cache_point: Option<u32>) -> &[f32] {
-        let row = |c: u32| c as usize * self.nodes.len()..(c as usize + 1) * self.nodes.len();
-        cache_point.and_then(|c| self.seen.get(row(c))).unwrap_or(&[])
+    /// Counts for every group what the cache points see of its lights.
+    pub fn count_visible(&mut self, cache: &VisibilityCache) {
+        self.groups.count_visible(cache);
     }
 }
 

@@ -20,6 +20,7 @@ pub mod culling;
 pub mod exact;
 mod hierarchical;
 mod joint;
+mod looks;
 pub mod nabata;
 pub mod receiver;
 pub mod residual;
@@ -232,14 +233,24 @@ impl<'a> ManyLights<'a> {
         tally.certain += u64::from(rule.u >= 1.0);
         let floor = if self.settings.strategy == Strategy::Nabata { nabata::EPSILON_2 } else { LEAST_CHECK };
         tally.floored += u64::from(rule.u <= floor);
-        let x = rule.estimate(true, checked, || {
-            let d = self.vpls.lights[light].p - r.at.p;
-            let distance = d.length();
-            let ray = self.world.shadow_ray(r.at, d / distance, distance);
-            let v = self.world.transmittance(ray, false).share;
-            tally.ray(mean(t), rule, v, case);
-            v
-        });
-        t * x
+        t * rule.estimate(true, checked, || self.visible(r, light, mean(t), rule, case, tally))
+    }
+
+    /// What a shadow ray finds; the light's tentative contribution is of the size `t`.
+    fn visible(
+        &self,
+        r: &Receiver,
+        light: usize,
+        t: f32,
+        rule: &ResidualRoulette,
+        case: Option<usize>,
+        tally: &mut Tally,
+    ) -> f32 {
+        let d = self.vpls.lights[light].p - r.at.p;
+        let distance = d.length();
+        let ray = self.world.shadow_ray(r.at, d / distance, distance);
+        let v = self.world.transmittance(ray, false).share;
+        tally.ray(t, rule, v, case);
+        v
     }
 }

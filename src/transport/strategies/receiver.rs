@@ -2,6 +2,7 @@
 
 use crate::math::{Rgb, Vec3};
 use crate::scene::{Bsdf, SurfacePoint, Transport};
+use crate::transport::eight::{Eight, WIDTH, Wide, all, dot, splat3};
 use crate::transport::vpl::{Vpl, Vpls, mean};
 use std::f32::consts::FRAC_1_PI;
 
@@ -84,6 +85,48 @@ impl<'a> Receiver<'a> {
                 self.diffuse.eval(self.wo, wi, Transport::Radiance) * self.weight * vpls.arriving(light, -d, d2)
             }
         }
+    }
+
+    /// The same of the eight lights with these indices, by channels.
+    #[inline(always)]
+    pub(super) fn tentative_eight<W: Wide>(&self, vpls: &Vpls, indices: &[u32; WIDTH]) -> [Eight; 3] {
+        let mut t = [all(0.0); 3];
+        // Lanes for which the arithmetic below does not hold.
+        let mut others = (1 << WIDTH) - 1;
+        if let Some((n, f)) = self.lambert {
+            let zero = W::splat(0.0);
+            let lights = vpls.eight(indices);
+            let p = splat3::<W>(self.at.p);
+            let x = W::load(&lights.p[0]).minus(p[0]);
+            let y = W::load(&lights.p[1]).minus(p[1]);
+            let z = W::load(&lights.p[2]).minus(p[2]);
+            let d = [x, y, z];
+            let d2 = x.times(x).plus(y.times(y)).plus(z.times(z));
+            let n = splat3::<W>(n);
+            let cos = x.times(n[0]).plus(y.times(n[1])).plus(z.times(n[2]));
+            let facing = zero.minus(dot(&lights.n, &d));
+            let lit = W::both(W::both(zero.below(cos), zero.below(facing)), dot(&lights.n_shade, &d).below(zero));
+            let lit = W::both(lit, zero.below(d2));
+            let g = cos.times(facing).over(d2.times(d2.plus(W::load(&lights.radius2)))).kept(lit);
+            let f = splat3::<W>(f);
+            for channel in 0..3 {
+                t[channel] = f[channel].times(W::load(&lights.power[channel])).times(g).store();
+            }
+            others = 0;
+            let [least, most] = self.segments;
+            for (k, &i) in indices.iter().enumerate() {
+                let light = &vpls.lights[i as usize];
+                let plain = light.is_lambertian() & (light.segments >= least) & (light.segments <= most);
+                others |= u32::from(!plain) << k;
+            }
+        }
+        while others != 0 {
+            let k = others.trailing_zeros() as usize;
+            others &= others - 1;
+            let one = self.tentative(vpls, &vpls.lights[indices[k] as usize]);
+            (0..3).for_each(|channel| t[channel][k / 4][k % 4] = one[channel]);
+        }
+        t
     }
 
     /// The normal by which cache points are compared.

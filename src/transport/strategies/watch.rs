@@ -3,11 +3,13 @@
 //! For pictures of the probabilities. Verified by `tests`: shares of many sums in which a light is looked at and checked.
 
 use super::culling::{survival, two_epsilon};
-use super::joint::Group;
+use super::joint::{Group, OPEN, group};
 use super::{ManyLights, Receiver, Strategy};
 use crate::math::{ResidualRoulette, Rgb};
+use crate::transport::eight::{Eight, WIDTH, all};
 use crate::transport::visibility::Neighbours;
 use crate::transport::vpl::mean;
+use crate::transport::vpl_tree::groups::Point;
 
 impl ManyLights<'_> {
     /// The probabilities of the light with this index at the receiver; `None` where it cannot contribute, or does not exist.
@@ -35,17 +37,20 @@ impl ManyLights<'_> {
 
     /// Probability with which `joint` looks at the light.
     fn selection(&self, r: &Receiver, near: &Neighbours, light: usize) -> Option<f32> {
-        let (seen, scale) = (self.tree.seen(near.points.first().copied()), self.selection_scale());
+        let groups = self.tree.groups();
+        let at = Point::<Eight>::new(r.at.p, r.horizon, r.reach);
+        let (seen, scale) = (groups.seen(near.points.first().copied()), self.selection_scale());
         let mut index = 0;
         loop {
-            match self.group(index, r, seen, scale, true) {
-                Group::Dark => return None,
-                Group::Open => {
-                    let [a, b] = self.tree.children(index);
-                    index = if light < self.tree.nodes()[b as usize].first as usize { a } else { b };
-                }
+            let node = groups.nodes().get(index)?;
+            let holds =
+                |lane: &usize| (node.first[*lane]..node.first[*lane] + node.count[*lane]).contains(&(light as u32));
+            let lane = (0..WIDTH).find(holds)?;
+            let sorted = node.sort(&at, &seen[index], all(scale), all(OPEN));
+            match group(node, &sorted, lane, true) {
+                Group::Open => index = node.within[lane] as usize,
                 Group::All => return Some(1.0),
-                Group::Some(pi) => return Some(pi),
+                Group::Some(pi) => return (sorted.lit >> lane & 1 == 1).then_some(pi),
             }
         }
     }

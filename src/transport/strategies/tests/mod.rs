@@ -2,6 +2,7 @@
 //!
 //! Confidence: the z-tests use five standard errors (6e-7 each).
 
+mod lanes;
 mod setting;
 mod watch;
 
@@ -10,7 +11,9 @@ use super::coins::Coin;
 use super::*;
 use crate::math::Vec3;
 use crate::math::sampler::unit_f32;
+use crate::transport::eight::{Eight, WIDTH};
 use crate::transport::vpl::Vpl;
+use crate::transport::vpl_tree::groups::Point;
 use clap::ValueEnum;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -304,13 +307,17 @@ fn no_light_is_above_the_bounds_of_its_groups() {
         (at.n_geo, at.n_shade) = (n, n);
         let bsdf = setting.room.world().bsdf(&at, n);
         let r = Receiver::new(&at, &bsdf, n, Rgb::ONE, [0, u32::MAX], 1);
-        for node in setting.tree.nodes() {
-            let (bound, aspect) = node.bound(at.p, r.horizon, r.reach);
-            let typical = node.typical(bound, &aspect);
-            assert!(typical <= bound && typical >= 0.1 * bound, "{typical} {bound}");
-            for light in &setting.vpls.lights[node.first as usize..(node.first + node.count) as usize] {
-                let t = mean(r.tentative(&setting.vpls, light));
-                assert!(t <= bound * 1.0005 + 1e-9, "{t} above {bound} of a group of {}", node.count);
+        let point = Point::<Eight>::new(at.p, r.horizon, r.reach);
+        for node in setting.tree.groups().nodes() {
+            let [bounds, typicals] = node.bounds(&point);
+            for lane in (0..WIDTH).filter(|&lane| node.used >> lane & 1 == 1) {
+                let (bound, typical) = (bounds[lane / 4][lane % 4], typicals[lane / 4][lane % 4]);
+                assert!(typical <= bound && typical >= 0.1 * bound, "{typical} {bound}");
+                let (first, count) = (node.first[lane] as usize, node.count[lane] as usize);
+                for light in &setting.vpls.lights[first..first + count] {
+                    let t = mean(r.tentative(&setting.vpls, light));
+                    assert!(t <= bound * 1.0005 + 1e-9, "{t} above {bound} of a group of {count}");
+                }
             }
         }
     }
