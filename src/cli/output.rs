@@ -36,7 +36,7 @@ pub enum Aov {
     Caustic,
     /// All other light (`indirect.R`, `.G`, `.B`; photon only).
     Indirect,
-    /// Paths that went on from diffuse surfaces, of all samples (`gathers.N`; photon only).
+    /// Diffuse surfaces from which paths went on, one or several, of all samples (`gathers.N`; photon only).
     Gathers,
     /// First look-up in the irradiance cache: records used, their mean radius, bound of the relative error, share of samples that found one
     /// (`cache.records`, `.radius`, `.error`, `.found`; photon only).

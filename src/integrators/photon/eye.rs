@@ -341,7 +341,7 @@ impl Eye<'_> {
         let u = Vec2::new(ux, uy);
         if let Some(d) = unknown {
             let rays = self.rays_in_gap(&b, end);
-            sample.features.makeup.gathers += rays as f32;
+            sample.features.makeup.gathers += 1.0;
             if rays > 1 {
                 self.gather_in_gap(&b, end, d, (rays, shares[0]), sample);
             } else if let Some(s) = d.sample(end.wo, u_lobe, u, Transport::Radiance) {
