@@ -240,7 +240,7 @@ impl Vpls {
             return Rgb::ZERO;
         }
         let near = d2 + light.radius2;
-        if light.material == LAMBERT {
+        if light.is_lambertian() {
             return light.power * (cos / (d2.sqrt() * near));
         }
         let (bsdf, from) = &self.materials[light.material as usize];

@@ -1,8 +1,8 @@
 //! Many lights: indirect light from virtual point lights.
 //!
 //! Estimates   the same integral as [`super::path`], split by what is known where (`eye` has the table): direct light by light sampling,
-//!             caustics and other light that mirrors, glass and gloss send to diffuse surfaces from photons, light that a diffuse surface sends to another from virtual lights, summed by one of the
-//!             [`strategies`](crate::transport::strategies)
+//!             caustics and other light that mirrors, glass and gloss send to diffuse surfaces from photons, light that a diffuse surface
+//!             sends to another from virtual lights, summed by one of the [`strategies`](crate::transport::strategies)
 //! Passes      each pass has virtual lights and cache points of its own, so that no error of one pass, banding above all, outlives it; the
 //!             price of variance, lambda, and the calibration of the cache come from the passes before
 //! Source      Keller 1997 (instant radiosity), progressive over passes; Nabata et al.; Tokuyoshi & Harada; METHODS 6.3, 6.4

@@ -1,9 +1,9 @@
 //! Photons of light that diffuse surfaces get from mirrors, glass and gloss: what virtual lights cannot bring.
 //!
 //! A virtual light is a diffuse vertex. What a lamp or a diffuse surface sends by way of the rest r of a material (Dirac and glossy lobes,
-//! coats) to a diffuse part d is found by a ray from d that happens to meet r: seldom, and then with the light of all of its ways at once. A mirror that covers
-//! the share s of what a surface sees adds noise of about s in squares of its light, which no strategy for virtual lights can lower. Photons bring the
-//! same light in small portions, and the ray from d need not be traced:
+//! coats) to a diffuse part d is found by a ray from d that happens to meet r: seldom, and then with the light of all of its ways at once. A
+//! mirror that covers the share s of what a surface sees adds noise of about s in squares of its light, which no strategy for virtual lights
+//! can lower. Photons bring the same light in small portions, and the ray from d need not be traced:
 //!
 //!   L (D | S)* r d      the last scattering before d is one by r: all but L S+ d, the caustics, which have photons of their own
 //!

@@ -154,9 +154,7 @@ impl Eye<'_> {
             indirect: false,
             blurred: false,
         });
-        while let Some(branch) = sample.waiting.pop() {
-            self.follow(branch, &mut sample);
-        }
+        self.follow_waiting(&mut sample, 0);
         let mut features = sample.features;
         [features.makeup.direct, features.makeup.caustic, features.makeup.indirect] = sample.kinds;
         (sample.radiance, features)
@@ -164,6 +162,14 @@ impl Eye<'_> {
 
     fn parts(&self) -> Parts {
         self.settings.parts
+    }
+
+    /// Follows rays that wait, and those that these send on, until so many are `left`.
+    fn follow_waiting(&self, sample: &mut Sample, left: usize) {
+        while sample.waiting.len() > left {
+            let Some(branch) = sample.waiting.pop() else { break };
+            self.follow(branch, sample);
+        }
     }
 
     /// Traces one ray and adds what its end reflects; what goes on from there waits.

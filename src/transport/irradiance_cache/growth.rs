@@ -115,14 +115,19 @@ impl IrradianceCache<'_> {
         }
     }
 
+    /// Irradiance (luminance) to which errors are relative in darker places.
+    fn dark(&self) -> f32 {
+        DARK * (self.records.iter().map(|r| luminance(r.irradiance)).sum::<f32>() / self.records.len() as f32)
+    }
+
     /// Place, irradiance and hits of each record. Light that comes to the place directly outshines noise, so irradiance is no less than that of
     /// the surfel there.
     fn told(&self) -> Vec<Teller<'_>> {
-        let mean = self.records.iter().map(|r| luminance(r.irradiance)).sum::<f32>() / self.records.len() as f32;
+        let dark = self.dark();
         let tell = |i: usize| {
             let (record, place) = (&self.records[i], &self.gather.places()[i]);
             let outshone = self.at_hit(place, f32::INFINITY).map_or(0.0, luminance);
-            let level = luminance(record.irradiance).max(DARK * mean).max(outshone);
+            let level = luminance(record.irradiance).max(dark).max(outshone);
             Teller { place: *place, level, hits: self.gather.hits(i), sky: self.gather.sky(i) }
         };
         (0..self.records.len()).into_par_iter().with_min_len(64).map(tell).collect()
@@ -177,8 +182,7 @@ impl IrradianceCache<'_> {
     /// as a corner, the others learn; and d_i(x_j) >= b if what i predicts at x_j is not what j has gathered (their adaptive caching): an edge of
     /// light that lies between them is in the derivatives of neither, if their rays have seen one side each. Never below the least radius.
     pub(super) fn bound_by_neighbours(&mut self) {
-        let sum: f32 = self.records.iter().map(|r| luminance(r.irradiance)).sum();
-        let floor = DARK * sum / self.records.len() as f32;
+        let dark = self.dark();
         let limits: Vec<Vec<(u32, f32)>> = (0..self.records.len())
             .into_par_iter()
             .with_min_len(64)
@@ -187,7 +191,7 @@ impl IrradianceCache<'_> {
                 let mut wide = Vec::new();
                 self.tree.containing(near.p, |i| {
                     let far = &self.records[i as usize];
-                    let bound = (near.mean_radius() + (near.p - far.p).length()).min(end_before(far, near, floor));
+                    let bound = (near.mean_radius() + (near.p - far.p).length()).min(end_before(far, near, dark));
                     if far.mean_radius() > bound && far.frame.n.dot(near.frame.n) > SAME_SURFACE {
                         wide.push((i, bound));
                     }
@@ -207,13 +211,13 @@ impl IrradianceCache<'_> {
 }
 
 /// Mean radius with which `far` is of no more use at the place of `near`, if it covers that and predicts something else there than what `near` has
-/// gathered; infinite if not. Errors of what is darker than `floor` are relative to that.
-fn end_before(far: &Record, near: &Record, floor: f32) -> f32 {
+/// gathered; infinite if not. Errors of what is darker than `dark` are relative to that.
+fn end_before(far: &Record, near: &Record, dark: f32) -> f32 {
     let n = near.frame.n;
     match far.distance(near.p, n, n) {
         Some(d) if d < 1.0 && far.p != near.p => {
             let (predicted, there) = (luminance(far.predict(near.p, n)), luminance(near.irradiance));
-            let disagree = (predicted - there).abs() > DISAGREE * predicted.max(there).max(floor);
+            let disagree = (predicted - there).abs() > DISAGREE * predicted.max(there).max(dark);
             if disagree { far.mean_radius() * d / BORDER } else { f32::INFINITY }
         }
         _ => f32::INFINITY,

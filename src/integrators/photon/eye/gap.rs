@@ -7,12 +7,11 @@
 //! Bias        none
 //! Verified by `tests`
 
+use super::super::settings::Indirect;
 use super::{Branch, Came, End, Eye, Sample};
 use crate::math::Vec2;
 use crate::scene::{Bsdf, Transport};
 use crate::transport::IrradianceCache;
-
-use super::super::settings::Indirect;
 
 /// Most rays. Error times cost of living-room over that of one ray: 4: 0.71, 8: 0.67, 16: 0.77; of a room with 9 in 100 look-ups in gaps, where
 /// other noise rules, 8: 1.06, 16: 1.19.
@@ -47,10 +46,7 @@ impl Eye<'_> {
             let Some(s) = diffuse.sample(end.wo, u_lobe, Vec2::new(x, y), Transport::Radiance) else { continue };
             self.push(b, end, &s, (share * rays as f32, u_roulette), Came::Diffuse, sample);
             // What they see has left a diffuse part: there are no gaps for it.
-            while sample.waiting.len() > waiting {
-                let Some(branch) = sample.waiting.pop() else { break };
-                self.follow(branch, sample);
-            }
+            self.follow_waiting(sample, waiting);
         }
     }
 }
