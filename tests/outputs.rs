@@ -140,13 +140,17 @@ fn layers_say_what_the_picture_is_made_of_and_do_not_change_it() {
         dualux(&[&args[..], &["--stats-json", stats.to_str().unwrap()], more].concat())
     };
     assert!(render(plain, &[]).status.success());
-    let out = render(exr, &["--aov", "samples,shadow-rays,direct,caustic,indirect,gathers,cache"]);
+    let out = render(exr, &["--aov", "raw,samples,shadow-rays,direct,caustic,indirect,gathers,cache"]);
     assert!(out.status.success(), "{}", stderr(&out));
     let ((v, n), (before, _)) = (exr_values(exr), exr_values(plain));
     for c in ["R", "G", "B"] {
         assert_eq!(v[c], before[c], "the picture stays");
         let sum = |i: usize| ["direct", "caustic", "indirect"].map(|l| v[&format!("{l}.{c}")][i]).iter().sum::<f32>();
-        assert!((0..n).all(|i| (sum(i) - v[c][i]).abs() <= 1e-4 * (1.0 + v[c][i])), "the parts are the picture");
+        let raw = &v[&format!("raw.{c}")];
+        assert!((0..n).all(|i| (sum(i) - raw[i]).abs() <= 1e-4 * (1.0 + raw[i])), "the parts are the picture");
+        // The filter has done something, and takes no light.
+        let [all, all_raw] = [&v[c], raw].map(|p| p.iter().map(|x| f64::from(*x)).sum::<f64>());
+        assert!(v[c] != *raw && (all / all_raw - 1.0).abs() < 5e-3, "{all} {all_raw}");
     }
     for name in ["direct.R", "caustic.R", "indirect.R", "shadow-rays.N", "cache.records", "cache.radius", "cache.error"]
     {
@@ -169,6 +173,11 @@ fn layers_say_what_the_picture_is_made_of_and_do_not_change_it() {
     let all: f32 = g["gathers.N"].iter().sum();
     assert!(f64::from(all) > total("gathers.N"), "{all}");
     assert!(g["cache.found"].iter().all(|x| *x == 0.0));
+    let noisy = dir.path().join("noisy.exr");
+    let noisy = noisy.to_str().unwrap();
+    assert!(render(noisy, &["--denoise", "off", "--aov", "raw"]).status.success());
+    let (noisy, _) = exr_values(noisy);
+    assert_eq!(noisy["R"], noisy["raw.R"]);
     let out = render(exr, &["--integrator", "path", "--aov", "caustic"]);
     assert!(out.status.code() == Some(1) && stderr(&out).contains("--aov caustic"), "{}", stderr(&out));
 }

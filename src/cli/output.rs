@@ -2,6 +2,7 @@
 
 use super::Failure;
 use crate::edge::map::Cell;
+use crate::image::denoise::denoise;
 use crate::image::exr_file::{Attribute, ExrCompression, ExrImage, Precision, write_exr};
 use crate::image::film::{Film, Makeup};
 use crate::image::png_file::{write_codes, write_png};
@@ -26,13 +27,16 @@ pub enum Aov {
     Shape,
     /// Estimated variance of the pixel (`variance.R`, `.G`, `.B`).
     Variance,
+    /// The picture before the filter of --denoise (`raw.R`, `.G`, `.B`).
+    Raw,
     /// Number of samples (`samples.N`).
     Samples,
     /// Shadow rays of all samples (`shadow-rays.N`).
     ShadowRays,
     /// Light straight from the lights, and what glossy surfaces reflect by themselves (`direct.R`, `.G`, `.B`; photon only).
     Direct,
-    /// Light on diffuse surfaces by way of specular ones (`caustic.R`, `.G`, `.B`; photon only). The three add up to the picture.
+    /// Light on diffuse surfaces by way of specular ones (`caustic.R`, `.G`, `.B`; photon only). The three add up to the picture before the
+    /// filter of --denoise.
     Caustic,
     /// All other light (`indirect.R`, `.G`, `.B`; photon only).
     Indirect,
@@ -76,6 +80,8 @@ pub struct Output {
     pub aovs: Vec<Aov>,
     /// Exposure of PNG files, stops.
     pub exposure: f32,
+    /// Whether the noise that is left is filtered.
+    pub denoise: bool,
     /// Width and height of the full film.
     pub frame: (usize, usize),
     /// The map of edges, if it is asked for: one cell per pixel of the film.
@@ -88,8 +94,10 @@ pub struct Output {
 const EXR_SECONDS: f64 = 3e-8;
 /// ... what ZIP adds to that ...
 const ZIP_SECONDS: f64 = 2.5e-7;
-/// ... and a PNG file, per pixel.
+/// ... a PNG file, per pixel, ...
 const PNG_SECONDS: f64 = 1.3e-7;
+/// ... and the filter, per pixel, on one core.
+const DENOISE_SECONDS: f64 = 1.5e-6;
 /// Share of the time spent rendering that compression may add. Noise hardly shrinks: short renders do without.
 const ZIP_SHARE: f64 = 0.01;
 
@@ -102,14 +110,21 @@ impl Output {
                 ExrCompression::None => 0.0,
             };
         let one = |path: &PathBuf| if extension(path) == "png" { pixels as f64 * PNG_SECONDS } else { exr };
-        Duration::from_secs_f64(self.paths.iter().map(one).sum())
+        let filter =
+            if self.denoise { pixels as f64 * DENOISE_SECONDS / rayon::current_num_threads() as f64 } else { 0.0 };
+        Duration::from_secs_f64(filter + self.paths.iter().map(one).sum::<f64>())
+    }
+
+    /// The picture as it is written, after so many passes.
+    pub fn picture(&self, film: &Film, passes: u64) -> Vec<Vec3> {
+        if self.denoise && passes > 0 { denoise(film).picture } else { film.picture(COARSE_BLOCK) }
     }
 
     /// Values in an EXR file.
     fn values(&self, pixels: usize) -> usize {
         let channels = |aov: &Aov| match aov {
             Aov::Cache | Aov::Watched => 4,
-            Aov::Albedo | Aov::Normal | Aov::Variance | Aov::Edges => 3,
+            Aov::Albedo | Aov::Normal | Aov::Variance | Aov::Edges | Aov::Raw => 3,
             Aov::Direct | Aov::Caustic | Aov::Indirect | Aov::Roulette => 3,
             Aov::Depth | Aov::Shape | Aov::Samples | Aov::ShadowRays | Aov::Gathers => 1,
         };
@@ -125,7 +140,7 @@ impl Output {
     /// Writes all files from the film's present state. `elapsed` is the age of the process, `spent` the time since the
     /// last files were written.
     pub fn write(&self, film: &Film, passes: u64, elapsed: Duration, spent: Duration) -> Result<(), ImageFileError> {
-        let picture = film.picture(COARSE_BLOCK);
+        let picture = self.picture(film, passes);
         let (width, height) = (film.width as usize, film.height as usize);
         for path in &self.paths {
             if extension(path) == "png" {
@@ -194,6 +209,7 @@ impl Output {
                     number(image, "watched", "u", |m| m.check);
                     number(image, "watched", "lit", |m| m.watched);
                 }
+                Aov::Raw => image.add_layer("raw", "RGB", Precision::Float, &film.picture(COARSE_BLOCK)),
                 Aov::Variance => image.add_layer("variance", "RGB", Precision::Float, &film.variance()),
                 Aov::Edges => {
                     for (name, values) in edge_channels(&self.edges) {
@@ -267,6 +283,7 @@ mod tests {
             paths: vec!["a.exr".into(), "b.PNG".into()],
             aovs,
             exposure: 0.0,
+            denoise: false,
             frame: (512, 512),
             edges: Vec::new(),
             attributes: Vec::new(),

@@ -5,7 +5,7 @@ use crate::image::Picture;
 use crate::image::film::Film;
 use crate::image::metrics::Reference;
 use crate::integrators::Counts;
-use crate::render::{COARSE_BLOCK, Observer};
+use crate::render::Observer;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -92,7 +92,7 @@ impl<'a> Reporter<'a> {
         if let Some(reference) = &self.reference {
             let seconds = self.start.elapsed().as_secs_f64();
             let size = (film.width as usize, film.height as usize);
-            let picture = Picture::new(size.0, size.1, film.picture(COARSE_BLOCK));
+            let picture = Picture::new(size.0, size.1, self.output.picture(film, passes));
             // The reference was fitted to the film's size before.
             let relmse = reference.relmse(&picture).unwrap_or(f64::NAN);
             self.say(&format!("{passes:>8} passes  {seconds:>8.2} s  relMSE {relmse:.3e}"));

@@ -1,7 +1,7 @@
 //! `dualux render`: a scene file becomes a picture.
 
 use super::checks::idle_lamps;
-use super::flags::{IntegratorChoice, ManyLightArgs, PathArgs, PhotonArgs};
+use super::flags::{IntegratorChoice, ManyLightArgs, PathArgs, PhotonArgs, Switch};
 use super::load::SceneArgs;
 use super::output::{Aov, Output, check_name};
 use super::progress::Reporter;
@@ -65,6 +65,10 @@ pub struct RenderArgs {
     /// Layers to write beside the picture (EXR).
     #[arg(long, value_enum, value_delimiter = ',')]
     pub aov: Vec<Aov>,
+    /// Filter the noise that is left: pixels average neighbours from which they differ by noise alone [default: on for photon, off for
+    /// many-light and path; `compare` and `reproduce`: off].
+    #[arg(long, value_enum)]
+    pub denoise: Option<Switch>,
     /// Exposure of PNG files, in stops.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = options::stops)]
     pub exposure: f32,
@@ -153,6 +157,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     }
     let reference = session::read_reference(&args.reference, frame, window)?;
     let (passes, limit) = session::limits(args, &scene);
+    output.denoise = session::denoises(args, &scene);
     let settings = RenderSettings {
         window,
         passes,
@@ -256,7 +261,7 @@ fn output(args: &RenderArgs, frame: (usize, usize), seed: u64) -> Result<Output,
             aovs.push(*aov);
         }
     }
-    let output = Output { paths, aovs, exposure: args.exposure, frame, edges: Vec::new(), attributes };
+    let output = Output { paths, aovs, exposure: args.exposure, denoise: false, frame, edges: Vec::new(), attributes };
     if args.replay.is_none() {
         output.paths.iter().try_for_each(|path| check_name(path))?;
         let files = [&args.stats_json, &args.points, &args.photon.save_cache];

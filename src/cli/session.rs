@@ -1,7 +1,7 @@
 //! The pieces of a render that `render` and `compare` share: from flags to a scene, an integrator, limits and references.
 
 use super::Failure;
-use super::flags::{IntegratorChoice, Part};
+use super::flags::{IntegratorChoice, Part, Switch};
 use super::load::{crop_film, scale_film};
 use super::options;
 use super::output::Aov;
@@ -43,6 +43,11 @@ pub fn describe(args: &RenderArgs) -> Result<Loaded, Failure> {
 /// Which integrator the flags, else the file ask for.
 fn choice(args: &RenderArgs, scene: &Scene) -> IntegratorChoice {
     args.integrator.unwrap_or_else(|| IntegratorChoice::of_file(&scene.integrator.name))
+}
+
+/// Whether pictures are filtered: those of the photon integrator unless the flags say otherwise.
+pub fn denoises(args: &RenderArgs, scene: &Scene) -> bool {
+    args.denoise.map_or(choice(args, scene) == IntegratorChoice::Photon, |d| d == Switch::On)
 }
 
 /// Photon parameters of the file that mean nothing here, each with the reason.
@@ -159,6 +164,7 @@ fn photon_settings(args: &RenderArgs, scene: &Scene) -> PhotonSettings {
         },
         adaptive_light_samples: flags.light_samples.is_none(),
         indirect: flags.indirect.unwrap_or(default.indirect),
+        filtered: denoises(args, scene),
         antialiasing: flags.aa.unwrap_or(default.antialiasing),
         photons: flags.photons.or(some(file.photon_count)),
         caustic_photons: flags.caustic_photons.or(some(caustic)),

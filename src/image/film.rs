@@ -6,6 +6,7 @@
 //! Samples that are not finite are left out and counted elsewhere: the mean is then that of the others.
 //! Sums are f64 and are added in the order of the passes, so that the picture does not depend on threads.
 
+use super::guide::Guide;
 use crate::math::{Rgb, Vec3};
 
 /// Features of the first surface a camera ray sees; zero where there is none.
@@ -19,6 +20,8 @@ pub struct Features {
     pub depth: f32,
     /// Shape index plus one; 0 for no shape (not averaged: the first sample's).
     pub shape: u32,
+    /// What tells the pixel from its neighbours.
+    pub guide: Guide,
     /// What the sample is made of, as far as the integrator tells.
     pub makeup: Makeup,
 }
@@ -119,7 +122,10 @@ pub struct FilmSample {
 pub struct PixelSums {
     sum: [f64; 3],
     sum_sq: [f64; 3],
+    /// Sum of the first samples, as many as the greatest power of two below `count`.
+    first: [f64; 3],
     count: u32,
+    guide: Guide,
 }
 
 impl PixelSums {
@@ -132,6 +138,21 @@ impl PixelSums {
     pub fn mean(&self) -> [f64; 3] {
         let n = f64::from(self.count.max(1));
         self.sum.map(|s| s / n)
+    }
+
+    /// Estimated variance of the mean by two means, of the first samples, as many as the greatest power of two there is, and of the others: it
+    /// knows that the samples of a pixel are stratified, and is itself as noisy as a single square. `None` with fewer than two samples.
+    pub fn variance_of_parts(&self) -> Option<[f64; 3]> {
+        let n = self.count;
+        let first = 1 << n.checked_sub(1)?.checked_ilog2()?;
+        let [a, b] = [f64::from(first), f64::from(n - first)];
+        let squared = |c: usize| (self.first[c] / a - (self.sum[c] - self.first[c]) / b).powi(2);
+        Some([0, 1, 2].map(|c| squared(c) * a * b / f64::from(n).powi(2)))
+    }
+
+    /// Mean guides.
+    pub fn guide(&self) -> Guide {
+        self.guide.scaled(1.0 / self.count.max(1) as f32)
     }
 
     /// Estimated variance of the mean; infinite with fewer than two samples.
@@ -185,12 +206,16 @@ impl Film {
     pub fn add(&mut self, x: u32, y: u32, sample: &FilmSample) {
         let i = (y * self.width + x) as usize;
         let pixel = &mut self.pixels[i];
+        if pixel.count.is_power_of_two() {
+            pixel.first = pixel.sum;
+        }
         for (c, v) in (sample.radiance * sample.weight).to_array().into_iter().enumerate() {
             let v = f64::from(v);
             pixel.sum[c] += v;
             pixel.sum_sq[c] += v * v;
         }
         pixel.count += 1;
+        pixel.guide.add(&sample.features.guide);
         if let Some(f) = self.features.get_mut(i) {
             f.albedo += sample.features.albedo;
             f.normal += sample.features.normal;
@@ -244,7 +269,14 @@ impl Film {
         let scaled = |(f, p): (&Features, &PixelSums)| {
             let k = 1.0 / p.count.max(1) as f32;
             let makeup = f.makeup.of_sums(k);
-            Features { albedo: f.albedo * k, normal: f.normal * k, depth: f.depth * k, shape: f.shape, makeup }
+            Features {
+                albedo: f.albedo * k,
+                normal: f.normal * k,
+                depth: f.depth * k,
+                shape: f.shape,
+                guide: p.guide(),
+                makeup,
+            }
         };
         self.features.iter().zip(&self.pixels).map(scaled).collect()
     }
@@ -281,6 +313,12 @@ mod tests {
         assert_eq!(film.picture(1)[1], Rgb::splat(3.0));
         // sum of squared deviations 14, over n (n - 1) = 12
         assert!((film.pixels()[1].variance()[0] - 14.0 / 12.0).abs() < 1e-12);
+        // 1.5 and 4.5: a quarter of the squared difference. Then 3 of four samples and 8 of one: 25 times 4 / 25.
+        assert!((film.pixels()[1].variance_of_parts().unwrap()[0] - 2.25).abs() < 1e-12);
+        film.add(1, 0, &sample(8.0));
+        assert!((film.pixels()[1].variance_of_parts().unwrap()[0] - 4.0).abs() < 1e-12);
+        film.add(0, 0, &sample(8.0));
+        assert_eq!(film.pixels()[0].variance_of_parts(), None);
         assert_eq!(film.pixels()[0].variance(), [f64::INFINITY; 3]);
     }
 

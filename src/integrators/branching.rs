@@ -1,10 +1,11 @@
-//! How eye paths branch and end: what the integrators `photon` and `many-light` have in common.
+//! How eye paths branch, end and tell what they see: what the integrators have in common.
 //!
 //! Dirac lobes at the first vertices send on both mirrored and refracted ray, and diffuse parts beside the rest, as long as there is room;
 //! else one direction is chosen by chance. Paths end by roulette on their importance (throughput x eta^2).
 
-use crate::math::{Vec2, Vec3, luminance};
-use crate::scene::{Bsdf, BsdfSample, Transport};
+use crate::image::film::Features;
+use crate::math::{Rgb, Vec2, Vec3, luminance};
+use crate::scene::{Bsdf, BsdfSample, SurfacePoint, Transport};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::direct::Stage;
 use arrayvec::ArrayVec;
@@ -52,5 +53,43 @@ pub fn survival(importance: f32, roulette: bool, blurred: bool) -> f32 {
         (false, _) => survival,
         (true, false) => survival.min(MAX_SURVIVAL),
         (true, true) => survival.min(importance.min(MAX_SURVIVAL)),
+    }
+}
+
+/// How a camera sample came to what it sees.
+pub struct Way {
+    /// Product of the weights of scatterings.
+    pub throughput: Rgb,
+    /// Scatterings.
+    pub depth: u32,
+    /// Whether one of them was by a lobe that is no Dirac lobe.
+    pub blurred: bool,
+    /// Length.
+    pub travelled: f32,
+}
+
+impl Way {
+    /// Notes a surface that is seen: the first one of all, and those that are seen sharply, for the guides.
+    pub fn note(&self, features: &mut Features, at: &SurfacePoint, bsdf: &Bsdf, wo: Vec3) {
+        let is_first = self.depth == 0 && features.shape == 0;
+        let guides = !self.blurred && !bsdf.is_delta();
+        if !(is_first || guides) {
+            return;
+        }
+        let albedo = bsdf.albedo(wo);
+        if is_first {
+            (features.albedo, features.normal) = (albedo, at.n_shade);
+            (features.depth, features.shape) = (self.travelled, at.shape + 1);
+        }
+        if guides {
+            features.guide.see(self.throughput, albedo, at.n_shade, self.travelled);
+        }
+    }
+
+    /// Notes a light that is seen itself.
+    pub fn note_light(&self, features: &mut Features, emitted: Rgb) {
+        if !self.blurred {
+            features.guide.see_light(self.throughput, emitted);
+        }
     }
 }

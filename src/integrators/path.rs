@@ -12,6 +12,7 @@
 //! Not handled participating media; light through smooth glass is found by chance only (`remarks` says how much of it there is)
 //! Verified by tests/furnace.rs and tests/transport.rs (closed forms), tests/references.rs (converged references of another renderer)
 
+use super::branching::Way;
 use super::{Counts, Integrator};
 use crate::accel::Ray;
 use crate::image::film::Features;
@@ -101,16 +102,6 @@ impl<'a> Path<'a> {
     fn scattered_weight(&self, previous: &Previous, pdf_light: impl FnOnce(&LitPoint) -> f32) -> f32 {
         previous.from.as_ref().map_or(1.0, |p| power_heuristic(previous.pdf_dir, pdf_light(p)))
     }
-
-    fn features(&self, at: &SurfacePoint, bsdf: &Bsdf, wo: Vec3, origin: Vec3) -> Features {
-        Features {
-            albedo: bsdf.albedo(wo),
-            normal: at.n_shade,
-            depth: (at.p - origin).length(),
-            shape: at.shape + 1,
-            ..Features::default()
-        }
-    }
 }
 
 /// What the camera sees through the middle of some pixels: points that are lit.
@@ -145,15 +136,19 @@ impl Integrator for Path<'_> {
         let mut features = Features::default();
         let mut previous = Previous { from: None, pdf_dir: 0.0 };
         let (mut depth, mut passed) = (0u32, 0u32);
+        let (mut blurred, mut travelled) = (false, 0.0);
 
         loop {
             counts.rays += 1;
             let emitters_seen = depth > 0 || !self.settings.hide_emitters;
+            let way = |t: f32| Way { throughput, depth, blurred, travelled: travelled + t };
             let Some(hit) = accel.closest(&ray) else {
                 if emitters_seen {
                     let weight = self
                         .scattered_weight(&previous, |lit| self.lights.pdf_dir_environment(&self.world, lit, ray.d));
-                    radiance += throughput * scene.lights.environment(scene.textures(), ray.d) * weight;
+                    let emitted = scene.lights.environment(scene.textures(), ray.d);
+                    way(0.0).note_light(&mut features, emitted);
+                    radiance += throughput * emitted * weight;
                 }
                 break;
             };
@@ -175,14 +170,14 @@ impl Integrator for Path<'_> {
                 if emitted != Rgb::ZERO {
                     let weight =
                         self.scattered_weight(&previous, |lit| self.lights.pdf_dir_surface(&self.world, lit, &at));
+                    way(hit.t).note_light(&mut features, emitted);
                     radiance += throughput * emitted * weight;
                 }
             }
 
             let bsdf = self.world.bsdf(&at, wo);
-            if depth == 0 && features.shape == 0 {
-                features = self.features(&at, &bsdf, wo, camera.o);
-            }
+            way(hit.t).note(&mut features, &at, &bsdf, wo);
+            travelled += hit.t;
             let last = self.settings.max_depth.is_some_and(|max| depth + 1 >= max);
             if last && !self.world.passes_light(at.shape) {
                 break;
@@ -209,6 +204,7 @@ impl Integrator for Path<'_> {
                 break;
             }
             depth += 1;
+            blurred |= scattered.lobe != LobeKind::Specular;
             let lit = LitPoint { p: at.p, n: bsdf.upper_normal() };
             let from = (scattered.lobe != LobeKind::Specular).then_some(lit);
             previous = Previous { from, pdf_dir: scattered.pdf_dir };

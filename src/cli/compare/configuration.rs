@@ -56,6 +56,7 @@ impl Config {
             (args.photon.photons_ply.is_some(), "--photons-ply"),
             (args.photon.cache_ply.is_some(), "--cache-ply"),
             (args.photon.emission_density.is_some(), "--emission-density"),
+            (args.denoise.is_some(), "--denoise"),
             (args.exposure != 0.0, "--exposure"),
             (args.scene.threads.is_some(), "--threads"),
             (args.quiet, "--quiet"),

@@ -20,7 +20,7 @@ use super::ManyLightSettings;
 use crate::accel::Ray;
 use crate::image::film::Features;
 use crate::integrators::Counts;
-use crate::integrators::branching::{MOST_BRANCHES, directions, is_crowded, one_part, stage, survival};
+use crate::integrators::branching::{MOST_BRANCHES, Way, directions, is_crowded, one_part, stage, survival};
 use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
@@ -79,6 +79,14 @@ struct Branch {
     indirect: bool,
     /// Whether a lobe that is not a Dirac lobe has blurred the view.
     blurred: bool,
+}
+
+impl Branch {
+    /// The way so far; `travelled` is its length since the last scattering.
+    fn way(&self, travelled: f32) -> Way {
+        let &Branch { throughput, depth, blurred, .. } = self;
+        Way { throughput, depth, blurred, travelled }
+    }
 }
 
 /// Where a ray ended.
@@ -146,6 +154,7 @@ impl Eye<'_> {
         let Some(hit) = self.world.accel.closest(&b.ray) else {
             if emitters_seen && self.shows(&b) && b.ray.tmax == f32::INFINITY {
                 let emitted = scene.lights.environment(scene.textures(), b.ray.d);
+                b.way(0.0).note_light(&mut sample.features, emitted);
                 sample.radiance += b.throughput * emitted * self.weight(&b, Found::Environment(b.ray.d), f32::INFINITY);
             }
             return;
@@ -168,19 +177,12 @@ impl Eye<'_> {
         if is_emitter && shown {
             let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
             if emitted != Rgb::ZERO {
+                b.way(0.0).note_light(&mut sample.features, emitted);
                 sample.radiance += b.throughput * emitted * self.weight(&b, Found::Lamp(&at), b.travelled + hit.t);
             }
         }
         let bsdf = self.world.bsdf(&at, wo);
-        if b.depth == 0 && sample.features.shape == 0 {
-            sample.features = Features {
-                albedo: bsdf.albedo(wo),
-                normal: at.n_shade,
-                depth: hit.t,
-                shape: at.shape + 1,
-                ..Features::default()
-            };
-        }
+        b.way(b.travelled + hit.t).note(&mut sample.features, &at, &bsdf, wo);
         let last = self.settings.path.max_depth.is_some_and(|max| b.depth + 1 >= max);
         if last && !self.world.passes_light(at.shape) {
             return;

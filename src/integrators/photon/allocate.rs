@@ -2,14 +2,17 @@
 //!
 //! A pass of n_i samples in pixel i leaves the error sum_i e_i / n_i, e_i = sigma_i^2 / (I_i^2 + 0.01) the squared relative deviation of one
 //! sample; for a given sum of the n_i it is least where n_i is in proportion to sqrt(e_i) (Neyman 1934). sigma^2 and I are those of
-//! the film, averaged over neighbours ([`RADIUS`]), so that a pixel's own luck does not decide about it.
+//! the film, averaged over neighbours ([`RADIUS`]), so that a pixel's own luck does not decide about it. Where the picture is filtered in the
+//! end, sigma_i^2 / n_i is the error that the filter leaves (Rousselle, Knaus & Zwicker 2012): smooth surfaces want few samples, their borders many.
 //!
 //! Bias: pixels whose first samples were alike by chance get fewer of the later ones, and rare bright samples get diluted where they
 //! fell. Averaging over neighbours makes that small, and every pixel keeps [`LEAST`] samples per pass; still, where noise has long
 //! tails the mean comes out low: 1.6 % have been seen in a furnace lit by a lamp all around that is sampled by area.
 //! Verified by tests in this file and tests/photon.rs (mean against uniform samples).
 
-use crate::image::film::Film;
+use crate::image::box_means;
+use crate::image::denoise::denoise;
+use crate::image::film::{Film, PixelSums};
 use crate::math::sampler::{hash, unit_f32};
 
 /// Samples per pass and pixel, on average.
@@ -20,29 +23,34 @@ const MOST: f64 = 16.0;
 /// Neighbours that are averaged, in pixels to each side.
 const RADIUS: usize = 3;
 
-/// Samples per pass for every pixel of the film, row-major. A pixel of one sample says nothing yet: it gets another.
-pub fn samples_per_pass(film: &Film) -> Vec<f32> {
-    let (width, height) = (film.width as usize, film.height as usize);
+/// Samples per pass for every pixel of the film, row-major. `crossed`: whether an edge is predicted in a pixel; `filtered`: the picture will be. A
+/// pixel of one sample says nothing yet: it gets another.
+pub fn samples_per_pass(film: &Film, crossed: &[bool], filtered: bool) -> Vec<f32> {
     let luminance = |c: [f64; 3]| (c[0] + c[1] + c[2]) / 3.0;
-    let mean: Vec<f64> = film.pixels().iter().map(|p| luminance(p.mean())).collect();
+    let left = filtered.then(|| denoise(film).error);
     // Of one sample; pixels with a single one know nothing of their own.
-    let (variance, known): (Vec<f64>, Vec<f64>) = film
-        .pixels()
-        .iter()
-        .map(|p| match p.count() {
-            0 | 1 => (0.0, 0.0),
-            n => (luminance(p.variance()) * f64::from(n), 1.0),
-        })
-        .unzip();
-    let [mean, variance, known] = [mean, variance, known].map(|v| box_sums(&v, width, height));
-    let area = box_sums(&vec![1.0; width * height], width, height);
-    let wanted: Vec<f64> = (0..width * height)
-        .map(|i| {
-            let m = mean[i] / area[i];
-            let v = variance[i] / known[i].max(1.0);
-            (v / (m * m + 0.01)).max(0.0).sqrt()
-        })
-        .collect();
+    let variance = |(i, p): (usize, &PixelSums)| match (p.count(), &left) {
+        (0 | 1, _) => (0.0, 0.0),
+        (n, Some(error)) => (error[i] * f64::from(n), 1.0),
+        (n, None) => (luminance(p.variance()) * f64::from(n), 1.0),
+    };
+    let (variance, known): (Vec<f64>, Vec<f64>) = film.pixels().iter().enumerate().map(variance).unzip();
+    let brightness: Vec<f64> = film.pixels().iter().map(|p| luminance(p.mean())).collect();
+    let mut wanted = vec![0.0; brightness.len()];
+    // Those with edges and those without each know their own kind.
+    for kind in [false, true] {
+        let is_one = |i: usize| crossed.get(i).copied().unwrap_or(false) == kind;
+        let sums = |v: &dyn Fn(usize) -> f64| {
+            let of_kind: Vec<f64> = (0..wanted.len()).map(|i| if is_one(i) { v(i) } else { 0.0 }).collect();
+            box_means(&of_kind, film.width as usize, RADIUS)
+        };
+        let [all, known, variance, brightness] =
+            [sums(&|_| 1.0), sums(&|i| known[i]), sums(&|i| variance[i]), sums(&|i| brightness[i])];
+        for i in (0..wanted.len()).filter(|&i| is_one(i) && known[i] > 0.0) {
+            let (v, brightness) = (variance[i] / known[i], brightness[i] / all[i]);
+            wanted[i] = (v / (brightness.powi(2) + 0.01)).max(0.0).sqrt();
+        }
+    }
     let scale = scale(&wanted);
     let one_sample = |i: usize| film.pixels()[i].count() < 2;
     let share = |(i, w): (usize, &f64)| (w * scale).clamp(if one_sample(i) { 1.0 } else { LEAST }, MOST) as f32;
@@ -58,16 +66,6 @@ fn scale(wanted: &[f64]) -> f64 {
         if mean(middle) < MEAN { low = middle } else { high = middle }
     }
     high
-}
-
-/// Sums over squares of 2 [`RADIUS`] + 1 pixels, cut off at the border.
-fn box_sums(v: &[f64], width: usize, height: usize) -> Vec<f64> {
-    let along = |v: &[f64], n: usize, stride: usize, at: usize, start: usize| -> f64 {
-        let first = at.saturating_sub(RADIUS);
-        (first..(at + RADIUS + 1).min(n)).map(|k| v[start + k * stride]).sum()
-    };
-    let rows: Vec<f64> = (0..width * height).map(|i| along(v, width, 1, i % width, i - i % width)).collect();
-    (0..width * height).map(|i| along(&rows, height, width, i / width, i % width)).collect()
 }
 
 /// `samples` as a whole number, rounded up or down by chance, the same chance for the same pixel and pass.
@@ -101,7 +99,7 @@ mod tests {
 
     #[test]
     fn noise_attracts_samples_and_the_mean_is_kept() {
-        let n = samples_per_pass(&film(0.5));
+        let n = samples_per_pass(&film(0.5), &[], false);
         let mean = n.iter().sum::<f32>() / n.len() as f32;
         assert!((mean - MEAN as f32).abs() < 0.01, "{mean}");
         assert_eq!(n[20 * 5], LEAST as f32);
@@ -110,7 +108,7 @@ mod tests {
 
     #[test]
     fn a_picture_without_noise_is_left_nearly_alone() {
-        let n = samples_per_pass(&film(0.0));
+        let n = samples_per_pass(&film(0.0), &[], false);
         assert!(n.iter().all(|&n| n == LEAST as f32));
     }
 

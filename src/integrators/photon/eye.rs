@@ -29,7 +29,7 @@ use super::settings::{Indirect, Parts, PhotonSettings};
 use crate::accel::Ray;
 use crate::image::film::{Features, Makeup};
 use crate::integrators::Counts;
-use crate::integrators::branching::{MOST_BRANCHES, directions, is_crowded, one_part, stage, survival};
+use crate::integrators::branching::{MOST_BRANCHES, Way, directions, is_crowded, one_part, stage, survival};
 use crate::math::{ResidualRoulette, Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
@@ -86,10 +86,19 @@ struct Branch {
     depth: u32,
     passed: u32,
     came: Came,
+    /// Length of the way so far.
+    travelled: f32,
     /// Whether the path has left a diffuse part: all that follows is indirect light.
     indirect: bool,
     /// Whether a lobe that is not a Dirac lobe has blurred the view.
     blurred: bool,
+}
+
+impl Branch {
+    fn way(&self) -> Way {
+        let &Branch { throughput, depth, blurred, travelled, .. } = self;
+        Way { throughput, depth, blurred, travelled }
+    }
 }
 
 /// Where a ray ended.
@@ -151,6 +160,7 @@ impl Eye<'_> {
             depth: 0,
             passed: 0,
             came: Came::Plain,
+            travelled: 0.0,
             indirect: false,
             blurred: false,
         });
@@ -182,6 +192,7 @@ impl Eye<'_> {
             if emitters_seen && shown {
                 let emitted = scene.lights.environment(scene.textures(), b.ray.d);
                 let weight = self.weight(&b, Found::Environment(b.ray.d));
+                b.way().note_light(&mut sample.features, emitted);
                 sample.add(b.throughput * emitted * weight, Kind::Direct, b.indirect);
             }
             return;
@@ -201,19 +212,13 @@ impl Eye<'_> {
             let emitted = scene.lights.emitted(&scene.shapes, scene.textures(), &at, wo);
             if emitted != Rgb::ZERO {
                 let weight = self.weight(&b, Found::Lamp(&at));
+                b.way().note_light(&mut sample.features, emitted);
                 sample.add(b.throughput * emitted * weight, Kind::Direct, b.indirect);
             }
         }
+        b.travelled += hit.t;
         let bsdf = self.world.bsdf(&at, wo);
-        if b.depth == 0 && sample.features.shape == 0 {
-            sample.features = Features {
-                albedo: bsdf.albedo(wo),
-                normal: at.n_shade,
-                depth: hit.t,
-                shape: at.shape + 1,
-                ..sample.features
-            };
-        }
+        b.way().note(&mut sample.features, &at, &bsdf, wo);
         let last = self.settings.path.max_depth.is_some_and(|max| b.depth + 1 >= max);
         if last && !self.world.passes_light(at.shape) {
             return;
@@ -394,6 +399,7 @@ impl Eye<'_> {
             depth,
             passed: b.passed + u32::from(straight),
             came,
+            travelled: b.travelled,
             indirect: b.indirect || s.lobe == LobeKind::Diffuse,
             blurred,
         });

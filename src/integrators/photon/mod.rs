@@ -70,6 +70,8 @@ pub struct Photon<'a> {
     sky: bool,
     /// Samples per pass of each pixel of the window; none: one.
     samples: Vec<f32>,
+    /// Whether the detector finds an edge in a pixel of the window; empty before it is asked.
+    crossed: Vec<bool>,
 }
 
 impl<'a> Photon<'a> {
@@ -98,6 +100,7 @@ impl<'a> Photon<'a> {
             cache,
             sky,
             samples: Vec::new(),
+            crossed: Vec::new(),
         }
     }
 
@@ -179,6 +182,7 @@ impl Integrator for Photon<'_> {
             (Antialiasing::Off | Antialiasing::Adaptive, 0) => self.samples = vec![1.0; pixels],
             (Antialiasing::Adaptive, 1) if !over() => {
                 let samples = samples_per_pixel(self.world, self.window, AntialiasSettings::default());
+                self.crossed = samples.iter().map(|&n| n > 1).collect();
                 self.samples = samples.into_iter().map(f32::from).collect();
             }
             _ => {}
@@ -235,7 +239,7 @@ impl Integrator for Photon<'_> {
     fn learn(&mut self, film: &Film) {
         // After the first pass pixels have one sample each, which says nothing of noise.
         if film.pixels().iter().any(|p| p.count() > 1) {
-            self.samples = allocate::samples_per_pass(film);
+            self.samples = allocate::samples_per_pass(film, &self.crossed, self.settings.filtered);
         }
     }
 

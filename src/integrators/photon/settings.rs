@@ -70,6 +70,8 @@ pub struct PhotonSettings {
     pub adaptive_light_samples: bool,
     /// Whether later samples go where the picture is noisy.
     pub adaptive_sampling: bool,
+    /// Whether the picture is filtered in the end (`image::denoise`), so that these samples go where the filter leaves errors.
+    pub filtered: bool,
     /// Which light is shown.
     pub parts: Parts,
     /// Whether samples tell what their look-ups in the cache rest on.
@@ -93,6 +95,7 @@ impl Default for PhotonSettings {
             kernel: Kernel::FOOTPRINT,
             adaptive_light_samples: true,
             adaptive_sampling: true,
+            filtered: false,
             parts: Parts::default(),
             inspect: false,
             seed: 0,

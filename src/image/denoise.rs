@@ -1,0 +1,213 @@
+//! The filter of the noise that is left: pixels average those neighbours from which they differ by noise alone.
+//!
+//! Estimate    for every pixel the best of four: itself, and non-local means of three bandwidths ([`super::nl_means`]), by Stein's unbiased
+//!             estimate of their squared error,
+//!
+//! ```text
+//! SURE(F) = (F - c)^2 - v + 2 v dF/dc,    dF/dc ~ share of the pixel itself
+//! ```
+//!
+//! relative to the picture's brightness, and averaged over squares of pixels ([`AVERAGED`])
+//! Variance    of a sample: the film's, or the median over the neighbours if that is greater: few samples may be alike by luck. Of their mean: that
+//!             over their number, times what stratification leaves of it, which the film's parts tell, averaged over squares of pixels
+//! Source      Li, Wu, Chuang 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; Stein 1981
+//! Bias        none where there is no noise; elsewhere as long as it is less than the noise it takes away, and it vanishes with that
+//! Not handled noise that neighbours share (irradiance records, kernels of photons); pixels of a single sample without neighbours of several
+//! Verified by `tests`
+
+use super::box_means;
+use super::film::{Film, PixelSums};
+use super::nl_means::{CANDIDATES, Candidate, Planes};
+use crate::math::{Rgb, luminance};
+
+/// Pixels to each side over which estimates of the error are averaged.
+const AVERAGED: usize = 3;
+/// Share of the mean luminance to which errors are relative in darker places.
+const DARK: f32 = 0.1;
+
+/// Least share that stratification may leave of a variance.
+const LEAST: f64 = 0.05;
+
+/// A filtered picture.
+#[derive(Clone, Debug)]
+pub struct Denoised {
+    /// Radiance, row-major.
+    pub picture: Vec<Rgb>,
+    /// Estimated squared error of a pixel, mean over the channels and over pixels around it.
+    pub error: Vec<f64>,
+}
+
+/// Filters the picture. A film without noise comes out as it is.
+pub fn denoise(film: &Film) -> Denoised {
+    let noisy = film.picture(1);
+    let (width, height) = (film.width as usize, film.height as usize);
+    let variance = variances(film.pixels(), width, height);
+    if variance.iter().all(|v| *v == Rgb::ZERO) || noisy.iter().any(|c| !c.is_finite()) {
+        return Denoised { error: vec![0.0; noisy.len()], picture: noisy };
+    }
+    let guides: Vec<_> = film.pixels().iter().map(PixelSums::guide).collect();
+    let level = noisy.iter().map(|c| luminance(*c)).sum::<f32>() / noisy.len() as f32;
+    let candidates = Planes::new(width, &noisy, &variance, &guides, level).candidates();
+    let dark = DARK * level;
+    // By the widest average, which has the least noise.
+    let square = |i: usize| {
+        let level = luminance(candidates[i][0].color);
+        f64::from(level * level + dark * dark).max(f64::MIN_POSITIVE)
+    };
+    let squares: Vec<f64> = (0..noisy.len()).map(square).collect();
+    let averaged = |of: &dyn Fn(usize) -> f32| {
+        let errors: Vec<f64> = squares.iter().enumerate().map(|(i, square)| f64::from(of(i)) / square).collect();
+        box_means(&errors, width, AVERAGED)
+    };
+    let mut best = averaged(&|i| mean(variance[i]));
+    let mut picture = noisy.clone();
+    let mut own = vec![1.0; picture.len()];
+    for k in 0..CANDIDATES {
+        let errors = averaged(&|i| sure(noisy[i], variance[i], &candidates[i][k]));
+        for i in 0..picture.len() {
+            if errors[i] < best[i] {
+                (best[i], picture[i], own[i]) = (errors[i], candidates[i][k].color, candidates[i][k].own);
+            }
+        }
+    }
+    let error = own.iter().zip(&variance).map(|(own, v)| f64::from(own * mean(*v))).collect();
+    Denoised { picture, error }
+}
+
+fn mean(c: Rgb) -> f32 {
+    (c.x + c.y + c.z) / 3.0
+}
+
+/// Stein's estimate of the squared error of a candidate, mean over the channels.
+fn sure(c: Rgb, v: Rgb, candidate: &Candidate) -> f32 {
+    let moved = candidate.color - c;
+    mean(moved * moved - v + v * (2.0 * candidate.own))
+}
+
+/// Variance of the mean of each pixel.
+fn variances(pixels: &[PixelSums], width: usize, height: usize) -> Vec<Rgb> {
+    let known: Vec<Option<Rgb>> = pixels.iter().map(of_one_sample).collect();
+    let of = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        let near = rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
+        let near: arrayvec::ArrayVec<Rgb, 9> = near.map(|j| known[j].unwrap_or(Rgb::ZERO)).collect();
+        let own = known[i].unwrap_or(Rgb::ZERO);
+        own.max(median(&near)) / pixels[i].count().max(1) as f32
+    };
+    let left = stratified(pixels, width);
+    (0..pixels.len()).map(|i| of(i) * left[i]).collect()
+}
+
+/// What stratification leaves of the variance of each pixel's mean: a share.
+fn stratified(pixels: &[PixelSums], width: usize) -> Vec<f32> {
+    let relative = |v: [f64; 3], p: &PixelSums| {
+        let [v, mean] = [v, p.mean()].map(|c| c.iter().sum::<f64>());
+        if v > 0.0 { v / (v + mean * mean) } else { 0.0 }
+    };
+    let (parts, whole): (Vec<f64>, Vec<f64>) = pixels
+        .iter()
+        .map(|p| p.variance_of_parts().map_or((0.0, 0.0), |parts| (relative(parts, p), relative(p.variance(), p))))
+        .unzip();
+    let [parts, whole] = [parts, whole].map(|v| box_means(&v, width, AVERAGED));
+    let share =
+        |(parts, whole): (&f64, &f64)| if *whole > 0.0 { (parts / whole).clamp(LEAST, 1.0) as f32 } else { 1.0 };
+    parts.iter().zip(&whole).map(share).collect()
+}
+
+/// Variance of one sample of a pixel, if it had several.
+fn of_one_sample(pixel: &PixelSums) -> Option<Rgb> {
+    let variance = || Rgb::from_array(pixel.variance().map(|v| (v * f64::from(pixel.count())) as f32));
+    Some(pixel).filter(|p| p.count() > 1).map(|_| variance()).filter(|v| v.is_finite())
+}
+
+/// Median by channel, the lower one of two; 0 of nothing.
+fn median(values: &[Rgb]) -> Rgb {
+    let one = |c: usize| {
+        let mut channel: arrayvec::ArrayVec<f32, 9> = values.iter().map(|v| v[c]).collect();
+        channel.sort_unstable_by(f32::total_cmp);
+        channel.get(channel.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
+    };
+    Rgb::new(one(0), one(1), one(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::film::{Features, FilmSample};
+    use crate::math::Vec3;
+    use crate::math::sampler::{hash, unit_f32};
+
+    const SIDE: u32 = 48;
+
+    /// A film of `n` samples a pixel: `truth` and uniform noise of the standard deviation `sigma`, the normal of `side`.
+    fn film(n: u64, sigma: f32, truth: impl Fn(u32, u32) -> f32, side: impl Fn(u32) -> Vec3) -> Film {
+        let mut film = Film::new([0, 0, SIDE, SIDE], false);
+        for (y, x) in (0..SIDE * SIDE).map(|i| (i / SIDE, i % SIDE)) {
+            for k in 0..n {
+                let u = unit_f32(hash(u64::from(y * SIDE + x), k)) - 0.5;
+                let radiance = Rgb::splat(truth(x, y) + sigma * u * f32::sqrt(12.0));
+                let mut features = Features::default();
+                features.guide.see(Rgb::ONE, Rgb::splat(0.5), side(x), 3.0);
+                film.add(x, y, &FilmSample { radiance, weight: 1.0, features });
+            }
+        }
+        film
+    }
+
+    /// Mean squared error of the noisy and of the filtered picture, and what the filter says of its own.
+    fn errors(film: &Film, truth: impl Fn(u32, u32) -> f32) -> [f64; 3] {
+        let done = denoise(film);
+        let error = |picture: &[Rgb]| {
+            let one = |(i, c): (usize, &Rgb)| f64::from(c.x - truth(i as u32 % SIDE, i as u32 / SIDE)).powi(2);
+            picture.iter().enumerate().map(one).sum::<f64>() / picture.len() as f64
+        };
+        let own = done.error.iter().sum::<f64>() / done.error.len() as f64;
+        [error(&film.picture(1)), error(&done.picture), own]
+    }
+
+    #[test]
+    fn noise_on_smooth_surfaces_goes_and_the_mean_stays() {
+        let ramp = |x: u32, y: u32| 0.5 + 0.004 * x as f32 + 0.002 * y as f32;
+        let film = film(4, 0.2, ramp, |_| Vec3::Z);
+        let [noisy, filtered, own] = errors(&film, ramp);
+        assert!((noisy / 0.01 - 1.0).abs() < 0.1, "{noisy}");
+        assert!(filtered < 0.1 * noisy, "{filtered} of {noisy}");
+        assert!((0.3..3.0).contains(&(own / filtered)), "{own} for {filtered}");
+        let mean = |picture: &[Rgb]| picture.iter().map(|c| f64::from(c.x)).sum::<f64>() / picture.len() as f64;
+        let (before, after) = (mean(&film.picture(1)), mean(&denoise(&film).picture));
+        assert!((after / before - 1.0).abs() < 2e-3, "{before} {after}");
+    }
+
+    #[test]
+    fn guides_keep_apart_what_noise_hides() {
+        // Stripes a standard deviation apart, on surfaces that face different ways.
+        let is_odd = |x: u32| x / 4 % 2 == 1;
+        let stripes = |x: u32, _: u32| if is_odd(x) { 0.5 } else { 0.6 };
+        let ways = |x: u32| if is_odd(x) { Vec3::Z } else { Vec3::X };
+        let [noisy, apart, _] = errors(&film(4, 0.2, stripes, ways), stripes);
+        let [_, blurred, _] = errors(&film(4, 0.2, stripes, |_| Vec3::Z), stripes);
+        assert!(apart < 0.15 * noisy && blurred > 1.3 * apart, "{noisy} {apart} {blurred}");
+    }
+
+    #[test]
+    fn structure_without_guides_is_kept_as_noise_vanishes() {
+        let checks = |x: u32, y: u32| if (x / 2 + y / 2) % 2 == 0 { 0.4 } else { 0.6 };
+        let [noisy, filtered, _] = errors(&film(4, 0.02, checks, |_| Vec3::Z), checks);
+        // Equal checks are averaged, others are not.
+        assert!(filtered < noisy, "{filtered} of {noisy}");
+        // Noise above the contrast: hardly worse than leaving it alone, as the estimate of the error decides.
+        let [noisy, filtered, _] = errors(&film(4, 0.3, checks, |_| Vec3::Z), checks);
+        assert!(filtered < 1.02 * noisy, "{filtered} of {noisy}");
+    }
+
+    #[test]
+    fn pictures_without_noise_and_of_single_samples_are_left_alone() {
+        let ramp = |x: u32, _: u32| 0.1 * x as f32;
+        for film in [film(3, 0.0, ramp, |_| Vec3::Z), film(1, 0.2, ramp, |_| Vec3::Z)] {
+            assert_eq!(denoise(&film).picture, film.picture(1));
+        }
+        let empty = Film::new([0, 0, 3, 2], false);
+        assert_eq!(denoise(&empty).picture, vec![Rgb::ZERO; 6]);
+    }
+}

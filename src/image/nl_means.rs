@@ -1,0 +1,262 @@
+//! Non-local means with known variances and guides: weights by which a pixel averages its neighbours.
+//!
+//! ```text
+//! d(p, q) = mean over patches and channels of ((c_p - c_q)^2 - (v_p + min(v_p, v_q))) / (v_p + v_q)       0 on average where p and q differ by noise alone
+//! e(p, q) = sum over guides of (g_p - g_q)^2 / tolerance^2
+//! w_k     = min(exp(-max(0, d) / k^2), exp(-e)),     F_k(p) = sum_q w_k c_q / sum_q w_k                    k: see [`BANDWIDTHS`]
+//! ```
+//!
+//! v: variance of the mean of a pixel. Where that is small, so are the weights of all that is not equal: the filter vanishes with the noise.
+//! Source      Buades, Coll, Morel 2005 (non-local means); Rousselle, Knaus, Zwicker 2012 (variances of samples in d);
+//!             Rousselle, Manzi, Zwicker 2013 (guides, which they call features)
+//! Bias        blurs contrasts up to about k standard deviations of the noise
+//! Determinism a function of the picture: tiles are independent, no sum depends on threads
+//! Verified by tests of `denoise`
+
+use super::guide::Guide;
+use crate::math::Rgb;
+use rayon::prelude::*;
+
+/// Pixels to each side whose values are averaged.
+const RADIUS: usize = 3;
+/// Pixels to each side of a patch that is compared.
+const PATCH: usize = 1;
+/// Pixels that planes have beyond each border.
+const HALO: usize = RADIUS + PATCH;
+/// Side of a tile.
+const TILE: usize = 32;
+/// Side of what a tile compares.
+const WIDE: usize = TILE + 2 * PATCH;
+/// Bandwidths k, of which [`super::denoise`] chooses.
+pub const BANDWIDTHS: [f32; 3] = [2.0, 1.0, 0.5];
+/// Number of bandwidths.
+pub const CANDIDATES: usize = BANDWIDTHS.len();
+/// Differences of albedo and of what lights that are seen have of the brightness, of unit normals, and relative ones of distances, that count 1 in e.
+const ALBEDO: f32 = 0.085;
+const NORMAL: f32 = 0.13;
+const DISTANCE: f32 = 0.012;
+/// Differences of distance over those to the next pixel that count 1 in e.
+const SLOPE: f32 = 1.2;
+/// Largest d and e: nothing is left of the weight.
+const FAR: f32 = 1e4;
+
+/// A picture in planes, with borders of repeated pixels that have no weight.
+pub struct Planes {
+    width: usize,
+    height: usize,
+    stride: usize,
+    color: [Vec<f32>; 3],
+    variance: [Vec<f32>; 3],
+    /// Guides over their tolerances: albedo, normal, light.
+    guides: [Vec<f32>; 7],
+    /// Distance; its squared tolerance; that per pixel along the rows and the columns.
+    distance: [Vec<f32>; 4],
+    valid: Vec<f32>,
+}
+
+/// What a bandwidth makes of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Candidate {
+    /// The average.
+    pub color: Rgb,
+    /// Share of the pixel itself in it.
+    pub own: f32,
+}
+
+impl Planes {
+    /// Of a picture `width` wide: colours, variances of them and guides, row-major. `level`: luminance beside which lights are bright.
+    pub fn new(width: usize, color: &[Rgb], variance: &[Rgb], guides: &[Guide], level: f32) -> Self {
+        let height = color.len() / width.max(1);
+        let (stride, rows) = (width + 2 * HALO, height + 2 * HALO);
+        let inside = |i: usize, n: usize| i.saturating_sub(HALO).min(n - 1);
+        let source: Vec<usize> =
+            (0..stride * rows).map(|i| inside(i / stride, height) * width + inside(i % stride, width)).collect();
+        let plane = |of: &(dyn Fn(usize) -> f32 + Sync)| source.par_iter().map(|&i| of(i)).collect::<Vec<f32>>();
+        let is_inside =
+            |i: usize| (HALO..HALO + width).contains(&(i % stride)) && (HALO..HALO + height).contains(&(i / stride));
+        let slope = |i: usize, at: usize, n: usize, step: usize| {
+            let t = guides[i].distance;
+            let before = if at > 0 { (guides[i - step].distance - t).abs() } else { f32::INFINITY };
+            let after = if at + 1 < n { (guides[i + step].distance - t).abs() } else { f32::INFINITY };
+            let slope = before.min(after);
+            if slope.is_finite() { slope * SLOPE } else { 0.0 }
+        };
+        Planes {
+            width,
+            height,
+            stride,
+            color: [0, 1, 2].map(|c| plane(&|i| color[i][c])),
+            variance: [0, 1, 2].map(|c| plane(&|i| variance[i][c])),
+            guides: std::array::from_fn(|k| match k {
+                0..3 => plane(&|i| guides[i].albedo[k] / ALBEDO),
+                3..6 => plane(&|i| guides[i].normal[k - 3] / NORMAL),
+                _ => plane(&|i| guides[i].emitted / (guides[i].emitted + level).max(f32::MIN_POSITIVE) / ALBEDO),
+            }),
+            distance: [
+                plane(&|i| guides[i].distance),
+                plane(&|i| (DISTANCE * guides[i].distance).powi(2).max(f32::MIN_POSITIVE)),
+                plane(&|i| slope(i, i % width, width, 1)),
+                plane(&|i| slope(i, i / width, height, width)),
+            ],
+            valid: (0..stride * rows).map(|i| f32::from(u8::from(is_inside(i)))).collect(),
+        }
+    }
+
+    /// What each bandwidth makes of each pixel, row-major.
+    pub fn candidates(&self) -> Vec<[Candidate; CANDIDATES]> {
+        let across = self.width.div_ceil(TILE);
+        let tiles: Vec<Tile> = (0..across * self.height.div_ceil(TILE))
+            .into_par_iter()
+            .map(|t| self.tile(t % across, t / across))
+            .collect();
+        let of = |i: usize| {
+            let (x, y) = (i % self.width, i / self.width);
+            tiles[y / TILE * across + x / TILE].pixel(y % TILE * TILE + x % TILE)
+        };
+        (0..self.width * self.height).map(of).collect()
+    }
+
+    /// Index of the pixel at column `x` and row `y`, both with `HALO` added.
+    fn at(&self, x: usize, y: usize) -> usize {
+        y.min(self.height + 2 * HALO - 1) * self.stride + x.min(self.width + 2 * HALO - 1)
+    }
+
+    fn tile(&self, column: usize, row: usize) -> Tile {
+        let (x0, y0) = (column * TILE + HALO, row * TILE + HALO);
+        // Part of the tile that lies in the picture.
+        let (width, height) = (TILE.min(self.width + HALO - x0), TILE.min(self.height + HALO - y0));
+        let mut tile = Tile::new();
+        for y in 0..height {
+            let from = self.at(x0, y0 + y);
+            for x in 0..width {
+                tile.add([1.0; CANDIDATES], y * TILE + x, [0, 1, 2].map(|c| self.color[c][from + x]));
+            }
+        }
+        if !self.is_noisy(x0, y0, width, height) {
+            return tile;
+        }
+        let side = 2 * RADIUS + 1;
+        for shift in (0..side * side).filter(|s| *s != side * side / 2) {
+            let (dx, dy) = (shift % side, shift / side);
+            let offset = (dy * self.stride + dx) as isize - (RADIUS * self.stride + RADIUS) as isize;
+            let patches = self.patches(x0, y0, width, height, offset);
+            let steps = [dx.abs_diff(RADIUS) as f32, dy.abs_diff(RADIUS) as f32];
+            for y in 0..height {
+                self.weigh(&mut tile, self.at(x0, y0 + y), width, y, offset, &patches[y * TILE..], steps);
+            }
+        }
+        tile
+    }
+
+    fn is_noisy(&self, x0: usize, y0: usize, width: usize, height: usize) -> bool {
+        let row = |y: usize| self.at(x0, y0 + y)..self.at(x0, y0 + y) + width;
+        (0..height).any(|y| self.variance.iter().any(|v| v[row(y)].iter().any(|v| *v > 0.0)))
+    }
+
+    /// d of the pixels of a tile and those `offset` away, rows of `TILE`.
+    fn patches(&self, x0: usize, y0: usize, width: usize, height: usize, offset: isize) -> [f32; TILE * TILE] {
+        let mut single = [0.0f32; WIDE * WIDE];
+        for y in 0..height + 2 * PATCH {
+            let from = self.at(x0 - PATCH, y0 - PATCH + y);
+            let to = from.strict_add_signed(offset);
+            let n = width + 2 * PATCH;
+            let row = &mut single[y * WIDE..y * WIDE + n];
+            for (color, variance) in self.color.iter().zip(&self.variance) {
+                let (a, b) = (&color[from..from + n], &color[to..to + n]);
+                let (va, vb) = (&variance[from..from + n], &variance[to..to + n]);
+                for x in 0..n {
+                    let difference = a[x] - b[x];
+                    let noise = va[x] + if va[x] < vb[x] { va[x] } else { vb[x] };
+                    let d = (difference * difference - noise) / (va[x] + vb[x] + f32::MIN_POSITIVE);
+                    row[x] += if d < FAR { d } else { FAR };
+                }
+            }
+        }
+        // Sums along the rows, then the columns.
+        let mut rows = [0.0f32; TILE * WIDE];
+        for y in 0..height + 2 * PATCH {
+            let (from, to) = (&single[y * WIDE..(y + 1) * WIDE], &mut rows[y * TILE..(y + 1) * TILE]);
+            for x in 0..TILE {
+                to[x] = from[x] + from[x + 1] + from[x + 2];
+            }
+        }
+        let mut sums = [0.0f32; TILE * TILE];
+        let patch = (2 * PATCH + 1) as f32;
+        for y in 0..height {
+            for x in 0..TILE {
+                let column = rows[y * TILE + x] + rows[(y + 1) * TILE + x] + rows[(y + 2) * TILE + x];
+                sums[y * TILE + x] = column * (1.0 / (3.0 * patch * patch));
+            }
+        }
+        sums
+    }
+
+    /// Adds the pixels `offset` away from a row of the tile, by their weights.
+    #[expect(clippy::too_many_arguments)]
+    fn weigh(&self, tile: &mut Tile, from: usize, n: usize, y: usize, offset: isize, d: &[f32], [dx, dy]: [f32; 2]) {
+        let to = from.strict_add_signed(offset);
+        let mut e = [0.0f32; TILE];
+        let e = &mut e[..n];
+        for guide in &self.guides {
+            let (a, b) = (&guide[from..from + n], &guide[to..to + n]);
+            for x in 0..n {
+                e[x] += (a[x] - b[x]) * (a[x] - b[x]);
+            }
+        }
+        let [t, tolerance, along, down] = [0, 1, 2, 3].map(|k| &self.distance[k][from..from + n]);
+        let other = &self.distance[0][to..to + n];
+        let valid = &self.valid[to..to + n];
+        for x in 0..n {
+            let slope = along[x] * dx + down[x] * dy;
+            e[x] += (t[x] - other[x]) * (t[x] - other[x]) / (tolerance[x] + slope * slope);
+            // Weights of the guides from here on.
+            e[x] = falling(e[x]) * valid[x];
+        }
+        let colors = [0, 1, 2].map(|c| &self.color[c][to..to + n]);
+        for x in 0..n {
+            // exp(-d / k^2) for k = 2; 1 is its fourth power, 1/2 that again.
+            let wide = falling(0.25 * if d[x] > 0.0 { d[x] } else { 0.0 });
+            let middle = (wide * wide) * (wide * wide);
+            let narrow = (middle * middle) * (middle * middle);
+            let weights = [wide, middle, narrow].map(|w| if w < e[x] { w } else { e[x] });
+            tile.add(weights, y * TILE + x, [colors[0][x], colors[1][x], colors[2][x]]);
+        }
+    }
+}
+
+/// exp(-x) for x >= 0, to a few per cent.
+fn falling(x: f32) -> f32 {
+    let y = 1.0 - x * (1.0 / 64.0);
+    let y = if y > 0.0 { y } else { 0.0 };
+    let y = (y * y) * (y * y);
+    let y = (y * y) * (y * y);
+    (y * y) * (y * y)
+}
+
+/// Sums of a tile, for each candidate: three channels and weights.
+struct Tile {
+    sums: Box<[[[f32; TILE * TILE]; 4]; CANDIDATES]>,
+}
+
+impl Tile {
+    fn new() -> Self {
+        Tile { sums: Box::new([[[0.0; TILE * TILE]; 4]; CANDIDATES]) }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, weights: [f32; CANDIDATES], at: usize, color: [f32; 3]) {
+        for k in 0..CANDIDATES {
+            for c in 0..3 {
+                self.sums[k][c][at] += weights[k] * color[c];
+            }
+            self.sums[k][3][at] += weights[k];
+        }
+    }
+
+    fn pixel(&self, at: usize) -> [Candidate; CANDIDATES] {
+        std::array::from_fn(|k| {
+            let [r, g, b, weight] = [0, 1, 2, 3].map(|c| self.sums[k][c][at]);
+            Candidate { color: Rgb::new(r, g, b) / weight, own: 1.0 / weight }
+        })
+    }
+}
