@@ -12,7 +12,7 @@
 //!             over their number, times what stratification leaves of it, which the film's parts tell, averaged over squares of pixels
 //! Source      Li, Wu, Chuang 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; Stein 1981
 //! Bias        none where there is no noise; elsewhere as long as it is less than the noise it takes away, and it vanishes with that
-//! Not handled noise that neighbours share (irradiance records, kernels of photons); pixels of a single sample without neighbours of several
+//! Not handled noise that neighbours share (irradiance records, kernels of photons); pixels of a single sample
 //! Verified by `tests`
 
 use super::box_means;
@@ -37,13 +37,14 @@ pub struct Denoised {
     pub error: Vec<f64>,
 }
 
-/// Filters the picture. A film without noise comes out as it is.
+/// Filters the picture. Where there is no noise it comes out as it is, and so it does where most pixels have a single sample.
 pub fn denoise(film: &Film) -> Denoised {
     let noisy = film.picture(1);
     let (width, height) = (film.width as usize, film.height as usize);
     let variance = variances(film.pixels(), width, height);
-    if variance.iter().all(|v| *v == Rgb::ZERO) || noisy.iter().any(|c| !c.is_finite()) {
-        return Denoised { error: vec![0.0; noisy.len()], picture: noisy };
+    let several = film.pixels().iter().filter(|p| p.count() > 1).count();
+    if 2 * several < noisy.len() || noisy.iter().any(|c| !c.is_finite()) {
+        return Denoised { error: variance.iter().map(|v| f64::from(mean(*v))).collect(), picture: noisy };
     }
     let guides: Vec<_> = film.pixels().iter().map(PixelSums::guide).collect();
     let level = noisy.iter().map(|c| luminance(*c)).sum::<f32>() / noisy.len() as f32;

@@ -122,6 +122,23 @@ impl Planes {
     }
 
     fn tile(&self, column: usize, row: usize) -> Tile {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has what the function enables.
+            return unsafe { self.tile_avx2(column, row) };
+        }
+        self.tile_by(column, row)
+    }
+
+    /// The same bits by wider lanes.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn tile_avx2(&self, column: usize, row: usize) -> Tile {
+        self.tile_by(column, row)
+    }
+
+    #[inline(always)]
+    fn tile_by(&self, column: usize, row: usize) -> Tile {
         let (x0, y0) = (column * TILE + HALO, row * TILE + HALO);
         // Part of the tile that lies in the picture.
         let (width, height) = (TILE.min(self.width + HALO - x0), TILE.min(self.height + HALO - y0));
@@ -154,6 +171,7 @@ impl Planes {
     }
 
     /// d of the pixels of a tile and those `offset` away, rows of `TILE`.
+    #[inline(always)]
     fn patches(&self, x0: usize, y0: usize, width: usize, height: usize, offset: isize) -> [f32; TILE * TILE] {
         let mut single = [0.0f32; WIDE * WIDE];
         for y in 0..height + 2 * PATCH {
@@ -193,6 +211,7 @@ impl Planes {
 
     /// Adds the pixels `offset` away from a row of the tile, by their weights.
     #[expect(clippy::too_many_arguments)]
+    #[inline(always)]
     fn weigh(&self, tile: &mut Tile, from: usize, n: usize, y: usize, offset: isize, d: &[f32], [dx, dy]: [f32; 2]) {
         let to = from.strict_add_signed(offset);
         let mut e = [0.0f32; TILE];
@@ -212,19 +231,37 @@ impl Planes {
             // Weights of the guides from here on.
             e[x] = falling(e[x]) * valid[x];
         }
-        let colors = [0, 1, 2].map(|c| &self.color[c][to..to + n]);
+        let mut weights = [[0.0f32; TILE]; CANDIDATES];
+        let d = &d[..n];
+        let [wide, middle, narrow] = &mut weights;
+        let (wide, middle, narrow) = (&mut wide[..n], &mut middle[..n], &mut narrow[..n]);
         for x in 0..n {
             // exp(-d / k^2) for k = 2; 1 is its fourth power, 1/2 that again.
-            let wide = falling(0.25 * if d[x] > 0.0 { d[x] } else { 0.0 });
-            let middle = (wide * wide) * (wide * wide);
-            let narrow = (middle * middle) * (middle * middle);
-            let weights = [wide, middle, narrow].map(|w| if w < e[x] { w } else { e[x] });
-            tile.add(weights, y * TILE + x, [colors[0][x], colors[1][x], colors[2][x]]);
+            let w = falling(0.25 * if d[x] > 0.0 { d[x] } else { 0.0 });
+            let w4 = (w * w) * (w * w);
+            let w16 = (w4 * w4) * (w4 * w4);
+            wide[x] = if w < e[x] { w } else { e[x] };
+            middle[x] = if w4 < e[x] { w4 } else { e[x] };
+            narrow[x] = if w16 < e[x] { w16 } else { e[x] };
+        }
+        for (sums, weights) in tile.sums.iter_mut().zip(&weights) {
+            let (weights, [red, green, blue, all]) = (&weights[..n], sums);
+            for (sum, color) in [red, green, blue].into_iter().zip(&self.color) {
+                let (sum, color) = (&mut sum[y * TILE..y * TILE + n], &color[to..to + n]);
+                for x in 0..n {
+                    sum[x] += weights[x] * color[x];
+                }
+            }
+            let all = &mut all[y * TILE..y * TILE + n];
+            for x in 0..n {
+                all[x] += weights[x];
+            }
         }
     }
 }
 
 /// exp(-x) for x >= 0, to a few per cent.
+#[inline(always)]
 fn falling(x: f32) -> f32 {
     let y = 1.0 - x * (1.0 / 64.0);
     let y = if y > 0.0 { y } else { 0.0 };
