@@ -9,15 +9,18 @@
 //!
 //! relative to the picture's brightness, and averaged over squares of pixels ([`AVERAGED`])
 //! Variance    of a sample: the film's, or the median over the neighbours if that is greater: few samples may be alike by luck. Of their mean: that
-//!             over their number, times what stratification leaves of it, which the film's parts tell, averaged over squares of pixels
+//!             over their number, times what stratification leaves of it, which the film's parts tell, averaged over squares of pixels. Where
+//!             pixels have one sample, neighbours tell ([`super::second_differences`])
 //! Source      Li, Wu, Chuang 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; Stein 1981
 //! Bias        none where there is no noise; elsewhere as long as it is less than the noise it takes away, and it vanishes with that
-//! Not handled noise that neighbours share (irradiance records, kernels of photons); pixels of a single sample
+//! Not handled noise that neighbours share (irradiance records, kernels of photons); what second differences (`second_differences.rs`) take for
+//!             noise where pixels have one sample
 //! Verified by `tests`
 
-use super::box_means;
 use super::film::{Film, PixelSums};
+use super::guide::Guide;
 use super::nl_means::{CANDIDATES, Candidate, Planes};
+use super::{box_means, second_differences};
 use crate::math::{Rgb, luminance};
 
 /// Pixels to each side over which estimates of the error are averaged.
@@ -37,16 +40,16 @@ pub struct Denoised {
     pub error: Vec<f64>,
 }
 
-/// Filters the picture. Where there is no noise it comes out as it is, and so it does where most pixels have a single sample.
+/// Filters the picture. Where there is no noise it comes out as it is.
 pub fn denoise(film: &Film) -> Denoised {
     let noisy = film.picture(1);
     let (width, height) = (film.width as usize, film.height as usize);
-    let variance = variances(film.pixels(), width, height);
-    let several = film.pixels().iter().filter(|p| p.count() > 1).count();
-    if 2 * several < noisy.len() || noisy.iter().any(|c| !c.is_finite()) {
+    let guides: Vec<_> = film.pixels().iter().map(PixelSums::guide).collect();
+    let mut variance = variances(film.pixels(), width, height);
+    of_single_samples(film.pixels(), &noisy, &guides, width, &mut variance);
+    if variance.iter().all(|v| *v == Rgb::ZERO) || noisy.iter().any(|c| !c.is_finite()) {
         return Denoised { error: variance.iter().map(|v| f64::from(mean(*v))).collect(), picture: noisy };
     }
-    let guides: Vec<_> = film.pixels().iter().map(PixelSums::guide).collect();
     let level = noisy.iter().map(|c| luminance(*c)).sum::<f32>() / noisy.len() as f32;
     let candidates = Planes::new(width, &noisy, &variance, &guides, level).candidates();
     let dark = DARK * level;
@@ -98,6 +101,20 @@ fn variances(pixels: &[PixelSums], width: usize, height: usize) -> Vec<Rgb> {
     };
     let left = stratified(pixels, width);
     (0..pixels.len()).map(|i| of(i) * left[i]).collect()
+}
+
+/// Puts in the variance of pixels that have one sample, by what their neighbours tell.
+fn of_single_samples(pixels: &[PixelSums], colors: &[Rgb], guides: &[Guide], width: usize, variance: &mut [Rgb]) {
+    if pixels.iter().all(|p| p.count() != 1) {
+        return;
+    }
+    let of_luminance = second_differences::variances(colors, guides, width);
+    for i in (0..pixels.len()).filter(|&i| pixels[i].count() == 1) {
+        // Coloured surfaces have coloured noise.
+        let albedo = guides[i].albedo.max(Rgb::splat(1e-3));
+        let tint = (albedo / luminance(albedo)).min(Rgb::splat(3.0));
+        variance[i] = tint * tint * of_luminance[i];
+    }
 }
 
 /// What stratification leaves of the variance of each pixel's mean: a share.
@@ -181,6 +198,19 @@ mod tests {
     }
 
     #[test]
+    fn single_samples_are_filtered_by_what_neighbours_tell() {
+        let edge = |x: u32, y: u32| if 2 * x + y < 70 { 0.5 } else { 0.1 };
+        for n in [1, 2] {
+            let [noisy, filtered, _] = errors(&film(n, 0.05, edge, |_| Vec3::Z), edge);
+            assert!(filtered < 0.3 * noisy, "{n}: {filtered} of {noisy}");
+        }
+        let clean = film(1, 0.0, edge, |_| Vec3::Z);
+        let [_, filtered, _] = errors(&clean, edge);
+        // But for steps along the edge, 0.16 the square of its height.
+        assert!(filtered < 0.16 * 0.01, "{filtered}");
+    }
+
+    #[test]
     fn guides_keep_apart_what_noise_hides() {
         // Stripes a standard deviation apart, on surfaces that face different ways.
         let is_odd = |x: u32| x / 4 % 2 == 1;
@@ -203,11 +233,10 @@ mod tests {
     }
 
     #[test]
-    fn pictures_without_noise_and_of_single_samples_are_left_alone() {
+    fn pictures_without_noise_are_left_alone() {
         let ramp = |x: u32, _: u32| 0.1 * x as f32;
-        for film in [film(3, 0.0, ramp, |_| Vec3::Z), film(1, 0.2, ramp, |_| Vec3::Z)] {
-            assert_eq!(denoise(&film).picture, film.picture(1));
-        }
+        let clean = film(3, 0.0, ramp, |_| Vec3::Z);
+        assert_eq!(denoise(&clean).picture, clean.picture(1));
         let empty = Film::new([0, 0, 3, 2], false);
         assert_eq!(denoise(&empty).picture, vec![Rgb::ZERO; 6]);
     }

@@ -27,6 +27,7 @@ pub mod pfm;
 pub mod picture;
 pub mod png_file;
 pub mod read;
+mod second_differences;
 pub mod srgb;
 
 pub use box_means::box_means;
