@@ -7,10 +7,10 @@
 //! SURE(F) = (F - c)^2 - v + 2 v dF/dc,    dF/dc ~ share of the pixel itself
 //! ```
 //!
-//! relative to the picture's brightness, and averaged over squares of pixels ([`AVERAGED`])
+//! relative to the picture's brightness, and averaged over squares of pixels (3 to each side)
 //! Variance    of a sample: the film's, or the median over the neighbours if that is greater: few samples may be alike by luck. Of their mean: that
 //!             over their number, times what stratification leaves of it, which the film's parts tell, averaged over squares of pixels. Where
-//!             pixels have one sample, neighbours tell ([`super::second_differences`])
+//!             pixels have one sample, neighbours tell (`second_differences.rs`)
 //! Source      Li, Wu, Chuang 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; Stein 1981
 //! Bias        none where there is no noise; elsewhere as long as it is less than the noise it takes away, and it vanishes with that
 //! Not handled noise that neighbours share (irradiance records, kernels of photons); what second differences (`second_differences.rs`) take for
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn structure_without_guides_is_kept_as_noise_vanishes() {
-        let checks = |x: u32, y: u32| if (x / 2 + y / 2) % 2 == 0 { 0.4 } else { 0.6 };
+        let checks = |x: u32, y: u32| if (x / 2 + y / 2).is_multiple_of(2) { 0.4 } else { 0.6 };
         let [noisy, filtered, _] = errors(&film(4, 0.02, checks, |_| Vec3::Z), checks);
         // Equal checks are averaged, others are not.
         assert!(filtered < noisy, "{filtered} of {noisy}");

@@ -3,7 +3,7 @@
 //! ```text
 //! d(p, q) = mean over patches and channels of ((c_p - c_q)^2 - (v_p + min(v_p, v_q))) / (v_p + v_q)       0 on average where p and q differ by noise alone
 //! e(p, q) = sum over guides of (g_p - g_q)^2 / tolerance^2
-//! w_k     = min(exp(-max(0, d) / k^2), exp(-e)),     F_k(p) = sum_q w_k c_q / sum_q w_k                    k: see [`BANDWIDTHS`]
+//! w_k     = min(exp(-max(0, d) / k^2), exp(-e)),     F_k(p) = sum_q w_k c_q / sum_q w_k                    k = 2, 1, 1/2
 //! ```
 //!
 //! v: variance of the mean of a pixel. Where that is small, so are the weights of all that is not equal: the filter vanishes with the noise.
@@ -27,10 +27,8 @@ const HALO: usize = RADIUS + PATCH;
 const TILE: usize = 32;
 /// Side of what a tile compares.
 const WIDE: usize = TILE + 2 * PATCH;
-/// Bandwidths k, of which [`super::denoise`] chooses.
-pub const BANDWIDTHS: [f32; 3] = [2.0, 1.0, 0.5];
-/// Number of bandwidths.
-pub const CANDIDATES: usize = BANDWIDTHS.len();
+/// Number of bandwidths k, of which [`super::denoise`] chooses.
+pub const CANDIDATES: usize = 3;
 /// Differences of albedo and of what lights that are seen have of the brightness, of unit normals, and relative ones of distances, that count 1 in e.
 const ALBEDO: f32 = 0.085;
 const NORMAL: f32 = 0.13;
@@ -176,7 +174,7 @@ impl Planes {
         let mut single = [0.0f32; WIDE * WIDE];
         for y in 0..height + 2 * PATCH {
             let from = self.at(x0 - PATCH, y0 - PATCH + y);
-            let to = from.strict_add_signed(offset);
+            let to = from.wrapping_add_signed(offset);
             let n = width + 2 * PATCH;
             let row = &mut single[y * WIDE..y * WIDE + n];
             for (color, variance) in self.color.iter().zip(&self.variance) {
@@ -213,7 +211,7 @@ impl Planes {
     #[expect(clippy::too_many_arguments)]
     #[inline(always)]
     fn weigh(&self, tile: &mut Tile, from: usize, n: usize, y: usize, offset: isize, d: &[f32], [dx, dy]: [f32; 2]) {
-        let to = from.strict_add_signed(offset);
+        let to = from.wrapping_add_signed(offset);
         let mut e = [0.0f32; TILE];
         let e = &mut e[..n];
         for guide in &self.guides {

@@ -37,7 +37,7 @@ pub fn variances(colors: &[Rgb], guides: &[Guide], width: usize) -> Vec<f32> {
         }
         let along = |&(dx, dy): &(isize, isize)| {
             let step = dy * width as isize + dx;
-            let (a, b) = (light[i.strict_add_signed(-step)], light[i.strict_add_signed(step)]);
+            let (a, b) = (light[i.wrapping_add_signed(-step)], light[i.wrapping_add_signed(step)]);
             (a - 2.0 * light[i] + b).powi(2) / 6.0
         };
         DIRECTIONS.iter().map(along).fold(f32::INFINITY, f32::min)
