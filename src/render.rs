@@ -203,7 +203,8 @@ pub fn render(
         }
         passes += 1;
         observer.pass_done(passes, &counts(&tiles, integrator), &|| assemble(&tiles, window));
-        if passes.is_power_of_two() && integrator.learns() {
+        let is_last = settings.passes == Some(passes) || stop.load(Ordering::Relaxed) || past(settings.deadline);
+        if passes.is_power_of_two() && integrator.learns() && !is_last {
             integrator.learn(&assemble(&tiles, window));
         }
     }

@@ -56,12 +56,10 @@ fn figures_of_nabata_are_there_and_missing_scenes_are_told() {
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("r.json")).unwrap()).unwrap();
     let figure = |key: &str| json[key].as_f64().unwrap_or_else(|| panic!("{key}: {}", json[key]));
     // The clamp at a tenth is what saves rays: between it and what is checked for certain.
-    for (strategy, most) in [("nabata", 0.9), ("veach", 1.0)] {
-        let [saved, of_possible] = ["rays", "of_possible"].map(|of| figure(&format!("{strategy}_saved_{of}")));
-        assert!((0.3..=most).contains(&of_possible), "{strategy} {of_possible}");
-        // Lights that cannot contribute are a third or more in a box.
-        assert!(1.0 - saved < 0.8 * (1.0 - of_possible) && saved < 1.0, "{strategy} {saved} {of_possible}");
-    }
+    assert!((0.5..=0.9).contains(&figure("nabata_saved_of_possible")), "{}", figure("nabata_saved_of_possible"));
+    // As the paper counts, a tenth of the lights that cannot contribute are asked too; Veach's rule asks none.
+    assert!((0.5..=0.9).contains(&figure("nabata_saved_rays")), "{}", figure("nabata_saved_rays"));
+    assert!(figure("veach_saved_rays") > figure("veach_saved_of_possible") + 0.05);
     assert!(figure("joint_gain_over_nabata").is_finite() && figure("joint_gain_over_veach").is_finite());
     assert!(json["unavailable"]["staircase2"].is_string());
     let text = String::from_utf8_lossy(&out.stdout).into_owned();

@@ -1,5 +1,10 @@
 //! Means over squares of pixels.
 
+use rayon::prelude::*;
+
+/// Pixels of one task, at least.
+const CHUNK: usize = 4096;
+
 /// Mean of `v` (row-major, `width` wide) over the pixels within `radius` to each side, without those beyond the border.
 pub fn box_means(v: &[f64], width: usize, radius: usize) -> Vec<f64> {
     let height = v.len() / width.max(1);
@@ -8,8 +13,9 @@ pub fn box_means(v: &[f64], width: usize, radius: usize) -> Vec<f64> {
         let count = range.len() as f64;
         range.map(|k| v[start + k * stride]).sum::<f64>() / count
     };
-    let rows: Vec<f64> = (0..v.len()).map(|i| along(v, width, 1, i % width, i - i % width)).collect();
-    (0..v.len()).map(|i| along(&rows, height, width, i / width, i % width)).collect()
+    let all = || (0..v.len()).into_par_iter().with_min_len(CHUNK);
+    let rows: Vec<f64> = all().map(|i| along(v, width, 1, i % width, i - i % width)).collect();
+    all().map(|i| along(&rows, height, width, i / width, i % width)).collect()
 }
 
 #[cfg(test)]

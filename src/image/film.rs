@@ -122,8 +122,8 @@ pub struct FilmSample {
 pub struct PixelSums {
     sum: [f64; 3],
     sum_sq: [f64; 3],
-    /// Sum of the first samples, as many as the greatest power of two below `count`.
-    first: [f64; 3],
+    /// Sums of the first samples: half of the greatest power of two up to `count`, and all of it.
+    first: [[f32; 3]; 2],
     count: u32,
     guide: Guide,
 }
@@ -140,14 +140,14 @@ impl PixelSums {
         self.sum.map(|s| s / n)
     }
 
-    /// Estimated variance of the mean by two means, of the first samples, as many as the greatest power of two there is, and of the others: it
-    /// knows that the samples of a pixel are stratified, and is itself as noisy as a single square. `None` with fewer than two samples.
-    pub fn variance_of_parts(&self) -> Option<[f64; 3]> {
-        let n = self.count;
-        let first = 1 << n.checked_sub(1)?.checked_ilog2()?;
-        let [a, b] = [f64::from(first), f64::from(n - first)];
-        let squared = |c: usize| (self.first[c] / a - (self.sum[c] - self.first[c]) / b).powi(2);
-        Some([0, 1, 2].map(|c| squared(c) * a * b / f64::from(n).powi(2)))
+    /// Estimated variance of the mean by the difference of two halves of the first 2^k samples, as many as there are: it knows that a pixel's
+    /// samples are stratified (each half is; of both together it is an upper estimate), and is itself as noisy as a single square. `None` with
+    /// fewer than two samples.
+    pub fn variance_of_halves(&self) -> Option<[f64; 3]> {
+        let all = 1 << Some(self.count).filter(|n| *n > 1)?.ilog2();
+        let difference = |c: usize| f64::from(2.0 * self.first[0][c] - self.first[1][c]) / f64::from(all);
+        let share = f64::from(all) / f64::from(self.count);
+        Some([0, 1, 2].map(|c| difference(c).powi(2) * share))
     }
 
     /// Mean guides.
@@ -206,15 +206,15 @@ impl Film {
     pub fn add(&mut self, x: u32, y: u32, sample: &FilmSample) {
         let i = (y * self.width + x) as usize;
         let pixel = &mut self.pixels[i];
-        if pixel.count.is_power_of_two() {
-            pixel.first = pixel.sum;
-        }
         for (c, v) in (sample.radiance * sample.weight).to_array().into_iter().enumerate() {
             let v = f64::from(v);
             pixel.sum[c] += v;
             pixel.sum_sq[c] += v * v;
         }
         pixel.count += 1;
+        if pixel.count.is_power_of_two() {
+            pixel.first = [pixel.first[1], pixel.sum.map(|s| s as f32)];
+        }
         pixel.guide.add(&sample.features.guide);
         if let Some(f) = self.features.get_mut(i) {
             f.albedo += sample.features.albedo;
@@ -313,12 +313,12 @@ mod tests {
         assert_eq!(film.picture(1)[1], Rgb::splat(3.0));
         // sum of squared deviations 14, over n (n - 1) = 12
         assert!((film.pixels()[1].variance()[0] - 14.0 / 12.0).abs() < 1e-12);
-        // 1.5 and 4.5: a quarter of the squared difference. Then 3 of four samples and 8 of one: 25 times 4 / 25.
-        assert!((film.pixels()[1].variance_of_parts().unwrap()[0] - 2.25).abs() < 1e-12);
+        // 1.5 and 4.5: a quarter of the squared difference; then four fifths of that, whatever the fifth.
+        assert!((film.pixels()[1].variance_of_halves().unwrap()[0] - 2.25).abs() < 1e-12);
         film.add(1, 0, &sample(8.0));
-        assert!((film.pixels()[1].variance_of_parts().unwrap()[0] - 4.0).abs() < 1e-12);
+        assert!((film.pixels()[1].variance_of_halves().unwrap()[0] - 1.8).abs() < 1e-12);
         film.add(0, 0, &sample(8.0));
-        assert_eq!(film.pixels()[0].variance_of_parts(), None);
+        assert_eq!(film.pixels()[0].variance_of_halves(), None);
         assert_eq!(film.pixels()[0].variance(), [f64::INFINITY; 3]);
     }
 

@@ -35,6 +35,12 @@ const NORMAL: f32 = 0.13;
 const DISTANCE: f32 = 0.012;
 /// Differences of distance over those to the next pixel that count 1 in e.
 const SLOPE: f32 = 1.2;
+/// Sums of a candidate.
+const SUMS: usize = 6;
+/// Share of a pixel in the mean over its patch, times the 2 of a square's derivative.
+const OF_PATCH: f32 = 2.0 / ((2 * PATCH + 1) * (2 * PATCH + 1)) as f32;
+/// 1 / k^2 of the candidates.
+const PER_SQUARE: [f32; CANDIDATES] = [0.25, 1.0, 4.0];
 /// Largest d and e: nothing is left of the weight.
 const FAR: f32 = 1e4;
 
@@ -45,6 +51,9 @@ pub struct Planes {
     stride: usize,
     color: [Vec<f32>; 3],
     variance: [Vec<f32>; 3],
+    /// Means of both over the channels.
+    level: Vec<f32>,
+    noise: Vec<f32>,
     /// Guides over their tolerances: albedo, normal, light.
     guides: [Vec<f32>; 7],
     /// Distance; its squared tolerance; that per pixel along the rows and the columns.
@@ -59,6 +68,8 @@ pub struct Candidate {
     pub color: Rgb,
     /// Share of the pixel itself in it.
     pub own: f32,
+    /// dF/dc, of grey noise: that share, and how the weights change with the pixel.
+    pub derivative: f32,
 }
 
 impl Planes {
@@ -85,6 +96,8 @@ impl Planes {
             stride,
             color: [0, 1, 2].map(|c| plane(&|i| color[i][c])),
             variance: [0, 1, 2].map(|c| plane(&|i| variance[i][c])),
+            level: plane(&|i| mean(color[i])),
+            noise: plane(&|i| mean(variance[i])),
             guides: std::array::from_fn(|k| match k {
                 0..3 => plane(&|i| guides[i].albedo[k] / ALBEDO),
                 3..6 => plane(&|i| guides[i].normal[k - 3] / NORMAL),
@@ -111,7 +124,7 @@ impl Planes {
             let (x, y) = (i % self.width, i / self.width);
             tiles[y / TILE * across + x / TILE].pixel(y % TILE * TILE + x % TILE)
         };
-        (0..self.width * self.height).map(of).collect()
+        (0..self.width * self.height).into_par_iter().with_min_len(TILE * TILE).map(of).collect()
     }
 
     /// Index of the pixel at column `x` and row `y`, both with `HALO` added.
@@ -144,7 +157,7 @@ impl Planes {
         for y in 0..height {
             let from = self.at(x0, y0 + y);
             for x in 0..width {
-                tile.add([1.0; CANDIDATES], y * TILE + x, [0, 1, 2].map(|c| self.color[c][from + x]));
+                tile.start(y * TILE + x, [0, 1, 2].map(|c| self.color[c][from + x]));
             }
         }
         if !self.is_noisy(x0, y0, width, height) {
@@ -190,6 +203,7 @@ impl Planes {
         }
         // Sums along the rows, then the columns.
         let mut rows = [0.0f32; TILE * WIDE];
+        const { assert!(PATCH == 1, "sums of three") };
         for y in 0..height + 2 * PATCH {
             let (from, to) = (&single[y * WIDE..(y + 1) * WIDE], &mut rows[y * TILE..(y + 1) * TILE]);
             for x in 0..TILE {
@@ -235,30 +249,44 @@ impl Planes {
         let (wide, middle, narrow) = (&mut wide[..n], &mut middle[..n], &mut narrow[..n]);
         for x in 0..n {
             // exp(-d / k^2) for k = 2; 1 is its fourth power, 1/2 that again.
-            let w = falling(0.25 * if d[x] > 0.0 { d[x] } else { 0.0 });
+            let w = falling(PER_SQUARE[0] * if d[x] > 0.0 { d[x] } else { 0.0 });
             let w4 = (w * w) * (w * w);
             let w16 = (w4 * w4) * (w4 * w4);
             wide[x] = if w < e[x] { w } else { e[x] };
             middle[x] = if w4 < e[x] { w4 } else { e[x] };
             narrow[x] = if w16 < e[x] { w16 } else { e[x] };
         }
-        for (sums, weights) in tile.sums.iter_mut().zip(&weights) {
-            let (weights, [red, green, blue, all]) = (&weights[..n], sums);
+        // dw/dc = -w/k^2 dd/dc where d is above 0 and decides; d has one in (2 PATCH + 1)^2 of the square (c_p - c_q)^2 / (v_p + v_q).
+        let (level, other_level) = (&self.level[from..from + n], &self.level[to..to + n]);
+        let (noise, other_noise) = (&self.noise[from..from + n], &self.noise[to..to + n]);
+        let mut slopes = [0.0f32; TILE];
+        let slopes = &mut slopes[..n];
+        for x in 0..n {
+            let slope = (other_level[x] - level[x]) / (noise[x] + other_noise[x] + f32::MIN_POSITIVE) * OF_PATCH;
+            let slope = if slope.abs() < FAR { slope } else { 0.0 };
+            slopes[x] = if d[x] > 0.0 { slope } else { 0.0 };
+        }
+        for ((sums, weights), per_square) in tile.sums.iter_mut().zip(&weights).zip(PER_SQUARE) {
+            let (weights, [red, green, blue, all, first, second]) = (&weights[..n], sums);
             for (sum, color) in [red, green, blue].into_iter().zip(&self.color) {
                 let (sum, color) = (&mut sum[y * TILE..y * TILE + n], &color[to..to + n]);
                 for x in 0..n {
                     sum[x] += weights[x] * color[x];
                 }
             }
-            let all = &mut all[y * TILE..y * TILE + n];
+            let row = y * TILE..y * TILE + n;
+            let (all, first, second) = (&mut all[row.clone()], &mut first[row.clone()], &mut second[row]);
             for x in 0..n {
                 all[x] += weights[x];
+                let change = if weights[x] < e[x] { weights[x] * slopes[x] * per_square } else { 0.0 };
+                first[x] += change * other_level[x];
+                second[x] += change;
             }
         }
     }
 }
 
-/// exp(-x) for x >= 0, to a few per cent.
+/// exp(-x) for x >= 0, to a few hundredths; 0 beyond 64.
 #[inline(always)]
 fn falling(x: f32) -> f32 {
     let y = 1.0 - x * (1.0 / 64.0);
@@ -268,30 +296,65 @@ fn falling(x: f32) -> f32 {
     (y * y) * (y * y)
 }
 
-/// Sums of a tile, for each candidate: three channels and weights.
+/// Sums of a tile, for each candidate: three channels, weights, changes of weights with the pixel times values, and alone.
 struct Tile {
-    sums: Box<[[[f32; TILE * TILE]; 4]; CANDIDATES]>,
+    sums: Box<[[[f32; TILE * TILE]; SUMS]; CANDIDATES]>,
 }
 
 impl Tile {
     fn new() -> Self {
-        Tile { sums: Box::new([[[0.0; TILE * TILE]; 4]; CANDIDATES]) }
+        Tile { sums: Box::new([[[0.0; TILE * TILE]; SUMS]; CANDIDATES]) }
     }
 
-    #[inline(always)]
-    fn add(&mut self, weights: [f32; CANDIDATES], at: usize, color: [f32; 3]) {
-        for k in 0..CANDIDATES {
-            for c in 0..3 {
-                self.sums[k][c][at] += weights[k] * color[c];
+    /// A pixel counts 1 itself.
+    fn start(&mut self, at: usize, color: [f32; 3]) {
+        for sums in self.sums.iter_mut() {
+            let [r, g, b] = color;
+            for (sum, v) in sums.iter_mut().zip([r, g, b, 1.0]) {
+                sum[at] = v;
             }
-            self.sums[k][3][at] += weights[k];
         }
     }
 
     fn pixel(&self, at: usize) -> [Candidate; CANDIDATES] {
         std::array::from_fn(|k| {
-            let [r, g, b, weight] = [0, 1, 2, 3].map(|c| self.sums[k][c][at]);
-            Candidate { color: Rgb::new(r, g, b) / weight, own: 1.0 / weight }
+            let [r, g, b, weight, first, second] = [0, 1, 2, 3, 4, 5].map(|c| self.sums[k][c][at]);
+            let color = Rgb::new(r, g, b) / weight;
+            let changes = (first - mean(color) * second) / weight;
+            Candidate { color, own: 1.0 / weight, derivative: 1.0 / weight + changes }
         })
+    }
+}
+
+/// Mean over the channels.
+pub(super) fn mean(c: Rgb) -> f32 {
+    (c.x + c.y + c.z) / 3.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::sampler::{hash, unit_f32};
+
+    #[test]
+    fn both_sets_of_lanes_have_the_same_bits_and_falling_falls() {
+        let value = |i: usize, k: u64| unit_f32(hash(i as u64, k));
+        let n = 41 * 37;
+        let color: Vec<Rgb> = (0..n).map(|i| Rgb::new(value(i, 1), value(i, 2), value(i, 3))).collect();
+        let variance: Vec<Rgb> = (0..n).map(|i| Rgb::splat(0.2 * value(i, 4))).collect();
+        let guides: Vec<Guide> = (0..n)
+            .map(|i| {
+                let mut guide = Guide::default();
+                guide.see(Rgb::ONE, Rgb::splat(0.1 * value(i, 5)), crate::math::Vec3::Z, 1.0 + 0.01 * value(i, 6));
+                guide
+            })
+            .collect();
+        let planes = Planes::new(41, &color, &variance, &guides, 0.5);
+        for (column, row) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            assert!(planes.tile(column, row).sums == planes.tile_by(column, row).sums, "{column} {row}");
+        }
+        for x in [0.0f32, 0.1, 0.5, 1.0, 2.0, 4.0, 100.0] {
+            assert!((falling(x) - (-x).exp()).abs() < 0.02, "{x}");
+        }
     }
 }

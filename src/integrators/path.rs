@@ -160,6 +160,7 @@ impl Integrator for Path<'_> {
                 if passed > MAX_PASSED_SURFACES {
                     break;
                 }
+                travelled += hit.t;
                 ray = Ray { tmax: ray.tmax - hit.t, ..Ray::leaving(&at, ray.d) };
                 continue;
             }

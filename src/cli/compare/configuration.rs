@@ -1,5 +1,6 @@
 //! A configuration: a name and flags of `render`.
 
+use crate::cli::flags::Switch;
 use crate::cli::load::SceneArgs;
 use crate::cli::render::RenderArgs;
 use clap::Parser;
@@ -43,7 +44,7 @@ impl Config {
     pub fn new(name: &str, flags: &str) -> Result<Config, String> {
         let words = shlex::split(flags).ok_or("a quotation mark is not closed")?;
         let words = std::iter::once("SCENE".to_string()).chain(words);
-        let args = Flags::try_parse_from(words).map_err(|e| reason(&e))?.render;
+        let mut args = Flags::try_parse_from(words).map_err(|e| reason(&e))?.render;
         for (given, flag) in [
             (!args.output.is_empty(), "--output"),
             (!args.reference.is_empty(), "--reference"),
@@ -66,6 +67,8 @@ impl Config {
                 return Err(format!("{flag} has no meaning for one configuration among several"));
             }
         }
+        // Pictures are judged as they are, and samples are not taken for a filter.
+        args.denoise = Some(Switch::Off);
         Ok(Config { name: name.into(), flags: flags.into(), args })
     }
 
@@ -107,6 +110,7 @@ mod tests {
     fn flags_are_those_of_render() {
         let c = Config::parse("deep : --integrator path --max-depth 7 -D 'key=a b' --spp 1K").unwrap();
         assert_eq!((c.name.as_str(), c.args.max_depth, c.passes()), ("deep", Some(7), Some(1000)));
+        assert_eq!(c.args.denoise, Some(Switch::Off));
         assert_eq!(c.args.scene.define, [("key".to_string(), "a b".to_string())]);
         let mut common = c.args.scene.clone();
         (common.scene, common.define) = ("x.xml".into(), vec![("key".into(), "1".into())]);
@@ -130,8 +134,16 @@ mod tests {
         assert!(message("a: --integrator magic").contains("magic"));
         assert!(message("a: other.xml").contains("other.xml"));
         assert!(message("a: --help").contains("render --help"));
-        for flag in ["-o x.exr", "--time-limit 3s", "-t 2", "-q", "--reference a.exr", "--aov depth", "--save-cache c"]
-        {
+        for flag in [
+            "-o x.exr",
+            "--time-limit 3s",
+            "-t 2",
+            "-q",
+            "--reference a.exr",
+            "--aov depth",
+            "--save-cache c",
+            "--denoise on",
+        ] {
             assert!(message(&format!("a: {flag}")).contains("no meaning"), "{flag}");
         }
     }

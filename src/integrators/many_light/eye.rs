@@ -164,6 +164,7 @@ impl Eye<'_> {
         let is_emitter = scene.shapes[at.shape as usize].emission.is_some();
         if is_emitter && !emitters_seen {
             b.passed += 1;
+            b.travelled += hit.t;
             b.ray = Ray { tmax: b.ray.tmax - hit.t, ..Ray::leaving(&at, b.ray.d) };
             if b.passed <= MAX_PASSED_SURFACES {
                 sample.waiting.push(b);

@@ -3,7 +3,8 @@
 //! A pass of n_i samples in pixel i leaves the error sum_i e_i / n_i, e_i = sigma_i^2 / (I_i^2 + 0.01) the squared relative deviation of one
 //! sample; for a given sum of the n_i it is least where n_i is in proportion to sqrt(e_i) (Neyman 1934). sigma^2 and I are those of
 //! the film, averaged over neighbours ([`RADIUS`]), so that a pixel's own luck does not decide about it. Where the picture is filtered in the
-//! end, sigma_i^2 / n_i is the error that the filter leaves (Rousselle, Knaus & Zwicker 2012): smooth surfaces want few samples, their borders many.
+//! end, sigma_i^2 / n_i is the variance that the filter leaves (cf. Rousselle, Knaus & Zwicker 2012, who add its bias): smooth surfaces want few
+//! samples, their borders many. Pixels in which the detector finds an edge are averaged apart from those where it finds none.
 //!
 //! Bias: pixels whose first samples were alike by chance get fewer of the later ones, and rare bright samples get diluted where they
 //! fell. Averaging over neighbours makes that small, and every pixel keeps [`LEAST`] samples per pass; still, where noise has long
@@ -27,11 +28,11 @@ const RADIUS: usize = 3;
 /// pixel of one sample says nothing yet: it gets another.
 pub fn samples_per_pass(film: &Film, crossed: &[bool], filtered: bool) -> Vec<f32> {
     let luminance = |c: [f64; 3]| (c[0] + c[1] + c[2]) / 3.0;
-    let left = filtered.then(|| denoise(film).error);
+    let left = filtered.then(|| denoise(film).variance);
     // Of one sample; pixels with a single one know nothing of their own.
     let variance = |(i, p): (usize, &PixelSums)| match (p.count(), &left) {
         (0 | 1, _) => (0.0, 0.0),
-        (n, Some(error)) => (error[i] * f64::from(n), 1.0),
+        (n, Some(left)) => (left[i] * f64::from(n), 1.0),
         (n, None) => (luminance(p.variance()) * f64::from(n), 1.0),
     };
     let (variance, known): (Vec<f64>, Vec<f64>) = film.pixels().iter().enumerate().map(variance).unzip();
@@ -79,7 +80,7 @@ pub fn rounded(samples: f32, pixel: u64, pass: u64, seed: u64) -> u32 {
 mod tests {
     use super::*;
     use crate::image::film::{Features, FilmSample};
-    use crate::math::Rgb;
+    use crate::math::{Rgb, Vec3};
 
     /// A film whose left half is constant and whose right half is noisy.
     fn film(noise: f32) -> Film {
@@ -110,6 +111,49 @@ mod tests {
     fn a_picture_without_noise_is_left_nearly_alone() {
         let n = samples_per_pass(&film(0.0), &[], false);
         assert!(n.iter().all(|&n| n == LEAST as f32));
+    }
+
+    #[test]
+    fn predicted_edges_are_a_kind_of_their_own() {
+        // The left half is noisy in every fifth column, where edges are said to be.
+        let mut film = film(0.0);
+        let crossed: Vec<bool> = (0..200).map(|i| i % 20 < 10 && i % 5 == 2).collect();
+        for k in 0..8u64 {
+            for i in (0..200).filter(|&i| crossed[i as usize]) {
+                let radiance = Rgb::splat(unit_f32(hash(k, u64::from(i))));
+                film.add(i % 20, i / 20, &FilmSample { radiance, weight: 1.0, features: Features::default() });
+            }
+        }
+        for filtered in [false, true] {
+            let n = samples_per_pass(&film, &crossed, filtered);
+            let least = |of: bool| {
+                let kind = n.iter().zip(&crossed).filter(|(_, c)| **c == of).map(|(n, _)| *n);
+                kind.fold(f32::INFINITY, f32::min)
+            };
+            assert!(least(true) > 4.0, "{filtered} {}", least(true));
+            assert_eq!(least(false), LEAST as f32);
+            let blurred = samples_per_pass(&film, &[], filtered);
+            assert!(blurred[20 * 5 + 3] > 2.0 * LEAST as f32, "{filtered}: neighbours of columns share their noise");
+        }
+    }
+
+    #[test]
+    fn filtered_pictures_want_samples_where_the_filter_does_not_reach() {
+        // Noise on a smooth surface, and as much in lone pixels whose normals are like no other.
+        let mut film = Film::new([0, 0, 24, 24], false);
+        let is_lone = |x: u32, y: u32| x % 8 == 3 && y % 8 == 3;
+        for (x, y, k) in (0..24 * 24 * 4).map(|i| (i % 24, i / 24 % 24, i / 576)) {
+            let radiance = Rgb::splat(0.3 + 0.4 * unit_f32(hash(u64::from(k), u64::from(y * 24 + x))));
+            let mut features = Features::default();
+            features.guide.see(Rgb::ONE, Rgb::splat(0.5), if is_lone(x, y) { Vec3::X } else { Vec3::Z }, 1.0);
+            film.add(x, y, &FilmSample { radiance, weight: 1.0, features });
+        }
+        let crossed: Vec<bool> = (0..24 * 24).map(|i| is_lone(i % 24, i / 24)).collect();
+        let share = |filtered| {
+            let n = samples_per_pass(&film, &crossed, filtered);
+            n[11 * 24 + 11] / n[12 * 24 + 14]
+        };
+        assert!(share(true) > 3.0 * share(false), "{} {}", share(true), share(false));
     }
 
     #[test]
