@@ -4,6 +4,8 @@ mod branching;
 pub mod many_light;
 pub mod path;
 pub mod photon;
+#[cfg(test)]
+mod tests;
 
 use crate::emission::DensityMap;
 use crate::image::film::{Features, Film};
