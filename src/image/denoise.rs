@@ -21,15 +21,13 @@
 
 use super::film::{Film, PixelSums};
 use super::guide::Guide;
-use super::nl_means::{CANDIDATES, Candidate, Planes, mean};
+use super::nl_means::{CANDIDATES, Candidate, DARK, Planes, mean};
 use super::{box_means, second_differences};
 use crate::math::{Rgb, luminance};
 use rayon::prelude::*;
 
 /// Pixels to each side over which estimates of the error are averaged.
 const AVERAGED: usize = 3;
-/// Share of the mean luminance to which errors are relative in darker places.
-const DARK: f32 = 0.1;
 
 /// Least share that stratification may leave of a variance.
 const LEAST: f64 = 1e-3;

@@ -41,6 +41,10 @@ const SUMS: usize = 6;
 const OF_PATCH: f32 = 2.0 / ((2 * PATCH + 1) * (2 * PATCH + 1)) as f32;
 /// 1 / k^2 of the candidates.
 const PER_SQUARE: [f32; CANDIDATES] = [0.25, 1.0, 4.0];
+/// Relative variance up to which pixels are left as they are, if all of their tile are.
+const QUIET: f32 = 1e-5;
+/// Share of the mean luminance to which errors are relative in darker places.
+pub(super) const DARK: f32 = 0.1;
 /// Largest d and e: nothing is left of the weight.
 const FAR: f32 = 1e4;
 
@@ -54,6 +58,8 @@ pub struct Planes {
     /// Means of both over the channels.
     level: Vec<f32>,
     noise: Vec<f32>,
+    /// Square of what is dark.
+    dark2: f32,
     /// Guides over their tolerances: albedo, normal, light.
     guides: [Vec<f32>; 7],
     /// Distance; its squared tolerance; that per pixel along the rows and the columns.
@@ -98,6 +104,7 @@ impl Planes {
             variance: [0, 1, 2].map(|c| plane(&|i| variance[i][c])),
             level: plane(&|i| mean(color[i])),
             noise: plane(&|i| mean(variance[i])),
+            dark2: (DARK * level).powi(2),
             guides: std::array::from_fn(|k| match k {
                 0..3 => plane(&|i| guides[i].albedo[k] / ALBEDO),
                 3..6 => plane(&|i| guides[i].normal[k - 3] / NORMAL),
@@ -176,9 +183,10 @@ impl Planes {
         tile
     }
 
+    /// Whether a pixel of the tile has noise worth the time.
     fn is_noisy(&self, x0: usize, y0: usize, width: usize, height: usize) -> bool {
-        let row = |y: usize| self.at(x0, y0 + y)..self.at(x0, y0 + y) + width;
-        (0..height).any(|y| self.variance.iter().any(|v| v[row(y)].iter().any(|v| *v > 0.0)))
+        let noisy = |i: usize| self.noise[i] > QUIET * (self.level[i] * self.level[i] + self.dark2);
+        (0..height).any(|y| (self.at(x0, y0 + y)..self.at(x0, y0 + y) + width).any(noisy))
     }
 
     /// d of the pixels of a tile and those `offset` away, rows of `TILE`.
