@@ -153,7 +153,7 @@ pub fn run(args: &RenderArgs, start: Instant) -> Result<(), Failure> {
     debug_files::before(args, integrator)?;
     let window = scene.film.crop;
     if output.aovs.contains(&Aov::Edges) {
-        output.edges = EdgeDetector::new(&scene, &accel).pixel_map(window);
+        output.edges = EdgeDetector::new(&scene, &accel).hiding_lamps(scene.integrator.hide_emitters).pixel_map(window);
     }
     let reference = session::read_reference(&args.reference, frame, window)?;
     let (passes, limit) = session::limits(args, &scene);

@@ -114,12 +114,13 @@ impl EdgeDetector<'_> {
         if self.optics(shape.material as usize, outside).is_none() {
             return NOTHING;
         }
+        let behind = self.behind_surfaces();
         // Most of what chains show is clear to first order, at less than half of the second's cost.
-        let (found, bends) = self.chain_of::<D1<N>, N>(first, t, at, all);
+        let (found, bends) = behind.chain_of::<D1<N>, N>(first, t, at, all);
         if self.settings.order < 2 || (found.kinds == Kinds::NONE && !bends) {
             return found;
         }
-        self.chain_of::<D2N<N>, N>(first, t, at, all).0
+        behind.chain_of::<D2N<N>, N>(first, t, at, all).0
     }
 
     /// Events, and whether the chain was given up because it bends too much for duals of first order.
@@ -259,7 +260,7 @@ impl EdgeDetector<'_> {
 
     /// What a ray meets: parameter and point.
     fn meet(&self, ray: &PlainRay) -> Option<(f64, SurfacePoint)> {
-        let Hit { t, u, v, shape, prim } = self.accel.closest(ray)?;
+        let Hit { t, u, v, shape, prim } = self.closest_seen(ray)?;
         let at = self.scene.shapes[shape as usize].surface_point(shape, prim, ray.o, ray.d, ShapeHit { t, u, v });
         Some((f64::from(t), at))
     }

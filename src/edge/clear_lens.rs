@@ -117,7 +117,7 @@ impl EdgeDetector<'_> {
         let o_p = [o_p[2], o_p[3]];
         let (shape, rectangle) = (None, u32::MAX);
         let mut clear = Clear { detector: self, lens, o, o_p, limit: beam.tmax, t, shape, rectangle, clear: true };
-        self.accel.walk(&beam, &mut clear);
+        self.walk_seen(&beam, &mut clear);
         clear.clear
     }
 }

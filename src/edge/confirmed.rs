@@ -80,10 +80,10 @@ impl<J: Jet<N, Primitive = f64>, const N: usize> Predictor<'_, J, N> {
                 let facet = shape == self.exclude.shape && (prim == self.exclude.prim || t < 1e-2 * at);
                 facet && own.is_none_or(|own| t < 0.3 * own)
             };
-            let mut hit = detector.accel.closest(&ray);
+            let mut hit = detector.closest_seen(&ray);
             if let Some(first) = hit.filter(|hit| starts(hit.shape, hit.prim, f64::from(hit.t))) {
                 ray.tmin = first.t * 1.001;
-                hit = detector.accel.closest(&ray).filter(|hit| !starts(hit.shape, hit.prim, f64::from(hit.t)));
+                hit = detector.closest_seen(&ray).filter(|hit| !starts(hit.shape, hit.prim, f64::from(hit.t)));
             }
             // A curved surface is met before its silhouette.
             let counts = |shape: u32, t: f64| shape != e.shape || (e.s.is_some() && t < at / BEHIND);
@@ -142,7 +142,7 @@ impl EdgeDetector<'_> {
         let mut p = Predictor::<J, N>::new(self.scene, ray, t, exclude, round, grow);
         let beam = beam::around(&p.o, &p.d, p.lens.as_ref(), t, self.reach);
         p.keeps_flats = swaps;
-        self.accel.walk(&beam, &mut p);
+        self.walk_seen(&beam, &mut p);
         p.swaps();
         if p.edges.is_empty() && p.trouble == Kinds::NONE {
             return (Verdict::Clear, None);

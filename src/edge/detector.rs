@@ -40,6 +40,8 @@ pub struct EdgeDetector<'a> {
     pub accel: &'a Accel,
     /// Settings.
     pub settings: Settings,
+    /// Lamps are not seen ([`Self::hiding_lamps`]).
+    pub(super) lampless: bool,
     pub(super) passable: bool,
     pub(super) reach: f32,
 }
@@ -54,7 +56,7 @@ impl<'a> EdgeDetector<'a> {
     pub fn with_settings(scene: &'a Scene, accel: &'a Accel, settings: Settings) -> Self {
         let (centre, radius) = scene.bounds;
         let passable = scene.passes_light.iter().any(|&p| p);
-        EdgeDetector { scene, accel, settings, passable, reach: centre.abs().max_element() + radius }
+        EdgeDetector { scene, accel, settings, lampless: false, passable, reach: centre.abs().max_element() + radius }
     }
 
     /// Stops at the first event: is there any?
@@ -71,7 +73,7 @@ impl<'a> EdgeDetector<'a> {
     fn sight(&self, view: &View, exclude: Option<Facet>, all: bool) -> Verdict {
         let beam = view.beam(self.reach);
         let mut surfaces = Surfaces::new(self, view, Mode::Sight, [exclude.unwrap_or(Facet::NONE); 3], None, beam.tmax);
-        self.accel.walk(&beam, &mut surfaces);
+        self.walk_seen(&beam, &mut surfaces);
         let surfaces = &surfaces;
         if surfaces.trouble == Kinds::NONE && surfaces.curved.is_empty() {
             // Most footprints: one flat surface, or nothing.

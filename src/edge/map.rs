@@ -59,7 +59,7 @@ impl EdgeDetector<'_> {
     /// Shape and distance, in units of the direction, of what the centre ray of a family meets.
     pub(super) fn first<const N: usize>(&self, family: &Family<f64, N>, t: [f64; 2]) -> Option<(u32, f64)> {
         let [o, d] = [family.o, family.d].map(|v| super::view::from_dual(v).as_vec3());
-        let hit = self.accel.closest(&Ray { o, d, tmin: t[0] as f32, tmax: t[1] as f32 })?;
+        let hit = self.closest_seen(&Ray { o, d, tmin: t[0] as f32, tmax: t[1] as f32 })?;
         Some((hit.shape, f64::from(hit.t)))
     }
 
@@ -81,7 +81,7 @@ impl EdgeDetector<'_> {
     pub fn first_hit(&self, x: u32, y: u32) -> Option<(Ray, SurfacePoint)> {
         let r = self.scene.camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), Vec2::splat(0.5));
         let ray = Ray { o: r.o, d: r.d, tmin: r.tmin, tmax: r.tmax };
-        let Hit { t, u, v, shape, prim } = self.accel.closest(&ray)?;
+        let Hit { t, u, v, shape, prim } = self.closest_seen(&ray)?;
         let at = self.scene.shapes[shape as usize].surface_point(shape, prim, ray.o, ray.d, ShapeHit { t, u, v });
         Some((ray, at))
     }

@@ -32,6 +32,7 @@ mod gather;
 pub mod hard_shadow;
 pub mod highlight;
 pub mod kinds;
+mod lampless;
 mod lens;
 pub mod light;
 mod linear;

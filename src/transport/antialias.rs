@@ -34,11 +34,13 @@ const TEXTURE_STEP: f32 = 0.1;
 pub struct AntialiasSettings {
     /// Samples per pass of pixels with edges.
     pub samples: u16,
+    /// The camera does not see lamps.
+    pub hide_emitters: bool,
 }
 
 impl Default for AntialiasSettings {
     fn default() -> Self {
-        AntialiasSettings { samples: 8 }
+        AntialiasSettings { samples: 8, hide_emitters: false }
     }
 }
 
@@ -65,12 +67,12 @@ impl Causes {
 /// Samples per pass of each pixel of the window (x, y, width, height), row by row.
 pub fn samples_per_pixel(world: World, window: [u32; 4], settings: AntialiasSettings) -> Vec<u16> {
     let samples = |c: Causes| if c == Causes::default() { 1 } else { settings.samples.max(1) };
-    causes(world, window).into_iter().map(samples).collect()
+    causes(world, window, settings.hide_emitters).into_iter().map(samples).collect()
 }
 
-/// Why each pixel of the window needs samples, row by row.
-pub fn causes(world: World, [x0, y0, width, height]: [u32; 4]) -> Vec<Causes> {
-    let aliasing = Aliasing::new(world);
+/// Why each pixel of the window (x, y, width, height) needs samples, row by row.
+pub fn causes(world: World, [x0, y0, width, height]: [u32; 4], hide_emitters: bool) -> Vec<Causes> {
+    let aliasing = Aliasing::new(world, hide_emitters);
     let row = |y: u32| (x0..x0 + width).map(|x| aliasing.pixel(x, y)).collect::<Vec<_>>();
     (y0..y0 + height).into_par_iter().flat_map_iter(row).collect()
 }
@@ -86,13 +88,13 @@ struct Aliasing<'a> {
 }
 
 impl<'a> Aliasing<'a> {
-    fn new(world: World<'a>) -> Self {
+    fn new(world: World<'a>, hide_emitters: bool) -> Self {
         let lights = &world.scene.lights;
         let hard = |e: &u32| !matches!(lights.place(&world.scene.shapes, *e), LightPlace::Everywhere);
         let list: Vec<u32> = (0..lights.emitter_count() as u32).filter(hard).take(MOST_LIGHTS + 1).collect();
         Aliasing {
             world,
-            detector: EdgeDetector::new(world.scene, world.accel),
+            detector: EdgeDetector::new(world.scene, world.accel).hiding_lamps(hide_emitters),
             half: f64::from(world.scene.film.filter.radius()),
             lights: if list.len() > MOST_LIGHTS { Vec::new() } else { list },
             textured: !world.scene.textures.is_empty(),

@@ -10,8 +10,12 @@ const SIZE: u32 = 48;
 const SUB: u32 = 8;
 
 fn scene(filter: &str, body: &str) -> (Scene, Accel) {
+    seen_by("type=\"perspective\">", filter, body)
+}
+
+fn seen_by(camera: &str, filter: &str, body: &str) -> (Scene, Accel) {
     let text = format!(
-        r#"<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="45"/>
+        r#"<scene version="3.0.0"><sensor {camera}<float name="fov" value="45"/>
         <transform name="to_world"><lookat origin="0.3, 4, 5" target="0, 0.2, 0" up="0, 1, 0"/></transform>
         <film type="hdrfilm"><integer name="width" value="{SIZE}"/><integer name="height" value="{SIZE}"/>
         <rfilter type="{filter}"/></film></sensor>
@@ -82,7 +86,7 @@ fn maps(filter: &str, light: &str) -> (Vec<Causes>, Vec<bool>, Vec<bool>) {
     let world = World::new(&scene, &accel);
     let half = scene.film.filter.radius();
     let both: Vec<(bool, bool)> = (0..SIZE * SIZE).map(|i| truth(world, i % SIZE, i / SIZE, half)).collect();
-    let map = causes(world, [0, 0, SIZE, SIZE]);
+    let map = causes(world, [0, 0, SIZE, SIZE], false);
     (map, both.iter().map(|b| b.0).collect(), both.iter().map(|b| b.1).collect())
 }
 
@@ -121,7 +125,7 @@ fn mirrors_show_edges_and_checkered_floors_detail() {
         <bsdf type="conductor"/></shape>
         <shape type="sphere"><point name="center" x="0" y="0.5" z="0.2"/><float name="radius" value="0.3"/></shape>"#;
     let (plain, accel) = scene("box", body);
-    let map = causes(World::new(&plain, &accel), [0, 0, SIZE, SIZE]);
+    let map = causes(World::new(&plain, &accel), [0, 0, SIZE, SIZE], false);
     let mirrored = map.iter().filter(|c| c.intersects(Causes::CHAIN)).count();
     assert!(mirrored > 15, "the ball's image: {mirrored}");
     assert!(!map.iter().any(|c| c.intersects(Causes::TEXTURE)));
@@ -129,19 +133,46 @@ fn mirrors_show_edges_and_checkered_floors_detail() {
         <translate y="0.1"/></transform><bsdf type="diffuse"><texture type="checkerboard" name="reflectance">
         <transform name="to_uv"><scale value="3"/></transform></texture></bsdf></shape>"#;
     let (checked, accel) = scene("box", checks);
-    let map = causes(World::new(&checked, &accel), [0, 0, SIZE, SIZE]);
+    let map = causes(World::new(&checked, &accel), [0, 0, SIZE, SIZE], false);
     let share = map.iter().filter(|c| c.intersects(Causes::TEXTURE)).count() as f64 / map.len() as f64;
     // Checks of 0.5 under pixels of about 0.1: borders along two directions.
     assert!(share > 0.1 && share < 0.6, "{share}");
 }
 
 #[test]
+fn hidden_lamps_have_no_edges_but_in_mirrors() {
+    let mirror = r#"<shape type="rectangle"><transform name="to_world"><scale x="2" y="1"/><translate y="1" z="-1.5"/></transform>
+        <bsdf type="conductor"/></shape>"#;
+    // Before the camera: a ball, and behind it a box whose image is in the mirror.
+    let lamps = r#"<shape type="sphere"><point name="center" x="0.2" y="2" z="2.4"/><float name="radius" value="0.15"/><emitter type="area"/></shape>
+        <shape type="cube"><transform name="to_world"><scale value="0.3"/><rotate x="1" angle="20"/><translate x="0.1" y="0.8" z="-0.6"/></transform>
+        <emitter type="area"/></shape>"#;
+    let lens =
+        r#"type="thinlens"><float name="aperture_radius" value="0.02"/><float name="focus_distance" value="6"/>"#;
+    for camera in ["type=\"perspective\">", lens] {
+        let map = |body: &str, hidden: bool| {
+            let (scene, accel) = seen_by(camera, "box", body);
+            causes(World::new(&scene, &accel), [0, 0, SIZE, SIZE], hidden)
+        };
+        let sight = |map: &[Causes]| map.iter().map(|c| c.intersects(Causes::SIGHT)).collect::<Vec<bool>>();
+        let plain = format!("{THINGS}{mirror}");
+        let (without, lit) = (map(&plain, true), map(&format!("{plain}{lamps}"), true));
+        assert_eq!(sight(&lit), sight(&without), "{camera}");
+        let images = |map: &[Causes]| map.iter().filter(|c| c.intersects(Causes::CHAIN)).count();
+        assert!(images(&lit) > images(&without) + 10, "{camera}: {} {}", images(&lit), images(&without));
+        let shown = map(&format!("{plain}{lamps}"), false);
+        let more = |map: &[Causes]| sight(map).iter().filter(|s| **s).count();
+        assert!(more(&shown) > more(&without) + 20, "{camera}: the lamps are out of view");
+    }
+}
+
+#[test]
 fn samples_follow_the_causes_for_any_window_and_number_of_threads() {
     let (scene, accel) = scene("box", &format!("{THINGS}{POINT}"));
     let world = World::new(&scene, &accel);
-    let settings = AntialiasSettings { samples: 5 };
+    let settings = AntialiasSettings { samples: 5, ..AntialiasSettings::default() };
     let whole = samples_per_pixel(world, [0, 0, SIZE, SIZE], settings);
-    let causes = causes(world, [0, 0, SIZE, SIZE]);
+    let causes = causes(world, [0, 0, SIZE, SIZE], false);
     assert!(whole.iter().zip(&causes).all(|(s, c)| *s == if c.0 == 0 { 1 } else { 5 }));
     let part = samples_per_pixel(world, [10, 20, 7, 5], settings);
     let cut: Vec<u16> =
@@ -151,5 +182,9 @@ fn samples_follow_the_causes_for_any_window_and_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         assert_eq!(pool.install(|| samples_per_pixel(world, [0, 0, SIZE, SIZE], settings)), whole);
     }
-    assert!(samples_per_pixel(world, [0, 0, SIZE, SIZE], AntialiasSettings { samples: 0 }).iter().all(|s| *s == 1));
+    assert!(
+        samples_per_pixel(world, [0, 0, SIZE, SIZE], AntialiasSettings { samples: 0, ..AntialiasSettings::default() })
+            .iter()
+            .all(|s| *s == 1)
+    );
 }

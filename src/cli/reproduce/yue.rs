@@ -203,7 +203,7 @@ fn measure(path: &Path, args: &ReproduceArgs) -> Result<Measured, Failure> {
     let first = variant(&base, (position, intensity), 0.0, target)?;
     let world = World::new(&first, &accel);
     let start = ProcessTime::now();
-    let seen = places(world, window, 1, None);
+    let seen = places(world, window, 1, None, false);
     let mut widths: Vec<f32> = seen.iter().map(|p| p.pixel).collect();
     widths.sort_by(f32::total_cmp);
     let pixel = widths.get(widths.len() / 2).copied().unwrap_or(0.0);
@@ -218,7 +218,7 @@ fn measure(path: &Path, args: &ReproduceArgs) -> Result<Measured, Failure> {
     for step in 1..=STEPS {
         let moved = variant(&base, (position, intensity), TURN * f64::from(step), target)?;
         let start = ProcessTime::now();
-        let seen = places(World::new(&moved, &accel), window, 1, None);
+        let seen = places(World::new(&moved, &accel), window, 1, None, false);
         let before = cache.records().len();
         cache.fill(&seen, &light, usize::MAX);
         if cache.records().len() > before {
@@ -240,7 +240,7 @@ fn measure(path: &Path, args: &ReproduceArgs) -> Result<Measured, Failure> {
         let world = World::new(moved, &accel);
         let start = ProcessTime::now();
         cache.relight(world, &light);
-        let seen = places(world, window, 1, None);
+        let seen = places(world, window, 1, None, false);
         (relit, missing) = frame(&cache, &seen);
         light_seconds += start.elapsed().as_secs_f64();
     }
@@ -248,7 +248,7 @@ fn measure(path: &Path, args: &ReproduceArgs) -> Result<Measured, Failure> {
 
     let last = World::new(light_scenes.last().unwrap_or(&first), &accel);
     let start = ProcessTime::now();
-    let seen = places(last, window, 1, None);
+    let seen = places(last, window, 1, None, false);
     let (anew, _) = frame(&prepared(last, &seen, pixel), &seen);
     let anew_seconds = start.elapsed().as_secs_f64();
     let n = cache.gather_rays().strata.len();

@@ -253,7 +253,10 @@ impl Integrator for ManyLight<'_> {
         if pass == 0 && !self.sources.is_empty() && self.settings.strategy.strategy.needs_cache() {
             let pixels = self.window[2] as usize * self.window[3] as usize;
             let spacing = (pixels as f64 / SHADING_POINTS as f64).sqrt().ceil().max(1.0) as u32;
-            let points = places(self.world, self.window, spacing, None).iter().map(|p| p.facet).collect();
+            let points = places(self.world, self.window, spacing, None, self.settings.path.hide_emitters)
+                .iter()
+                .map(|p| p.facet)
+                .collect();
             self.clusters = ShadingClusters::new(points, self.settings.cache_points);
         }
         self.make_lights(pass);

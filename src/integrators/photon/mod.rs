@@ -181,7 +181,9 @@ impl Integrator for Photon<'_> {
             // What edges want is found out after the first pass.
             (Antialiasing::Off | Antialiasing::Adaptive, 0) => self.samples = vec![1.0; pixels],
             (Antialiasing::Adaptive, 1) if !over() => {
-                let samples = samples_per_pixel(self.world, self.window, AntialiasSettings::default());
+                let hide_emitters = self.settings.path.hide_emitters;
+                let settings = AntialiasSettings { hide_emitters, ..AntialiasSettings::default() };
+                let samples = samples_per_pixel(self.world, self.window, settings);
                 self.crossed = samples.iter().map(|&n| n > 1).collect();
                 self.samples = samples.into_iter().map(f32::from).collect();
             }

@@ -49,6 +49,8 @@ pub(super) struct RenewedCache<'a> {
     seed: u64,
     /// Segments of a light path up to the end of a gather ray, at most.
     most_segments: u32,
+    /// The camera does not see lamps.
+    hide_emitters: bool,
     cache: IrradianceCache<'a>,
     /// Caches made so far.
     made: u32,
@@ -100,6 +102,7 @@ impl<'a> RenewedCache<'a> {
             seed: settings.seed,
             // The gather ray and the ray from the eye are segments too.
             most_segments: max_depth.map_or(u32::MAX, |max| max.saturating_sub(2)),
+            hide_emitters: settings.path.hide_emitters,
             cache: IrradianceCache::new(world, usual),
             made: 0,
             rays_before: RayCounts::default(),
@@ -229,7 +232,7 @@ impl<'a> RenewedCache<'a> {
             if over() || cache.records().len() >= most {
                 break;
             }
-            let places = places::places(self.world, self.window, spacing, known);
+            let places = places::places(self.world, self.window, spacing, known, self.hide_emitters);
             // In portions, between which time may be up.
             loop {
                 let before = cache.records().len();
