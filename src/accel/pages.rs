@@ -16,7 +16,7 @@ type Map = memmap2::Mmap;
 type Map = Vec<u8>;
 
 /// Below this size an array gains nothing: bytes.
-const SMALLEST: usize = 4 << 20;
+const SMALLEST: usize = 1 << 20;
 
 /// A read-only array.
 #[derive(Debug)]

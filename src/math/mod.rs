@@ -8,6 +8,7 @@ pub mod filter;
 pub mod frame;
 pub mod morton;
 pub mod polygon;
+mod prefetch;
 pub mod residual_roulette;
 pub mod sampler;
 pub mod stats;
@@ -15,6 +16,7 @@ pub mod warp;
 
 pub use frame::Frame;
 pub use glam::{Affine2, DMat4, DVec3, Mat3, Mat4, Vec2, Vec3, Vec4};
+pub use prefetch::prefetch;
 pub use residual_roulette::{Prediction, Price, ResidualRoulette};
 pub use sampler::Sampler;
 

@@ -314,10 +314,14 @@ impl<'a> Direct<'a> {
         let block = rng.next_block(draws);
         let cut = self.tree.cut(&point.vantage.lit);
         let mut chosen: ArrayVec<Chosen, MOST_LIGHTS> = ArrayVec::new();
-        for k in 0..draws {
+        let number = |k: u32| {
             let [x, y, u, _] = block.point(k);
-            let u = refine(u, crate::math::Vec2::new(x, y));
-            let Some((unit, pmf)) = cut.sample(u) else { continue };
+            refine(u, crate::math::Vec2::new(x, y))
+        };
+        for (unit, pmf) in cut.sample_each::<MOST_LIGHTS>((0..draws).map(number)).into_iter().flatten() {
+            if let Unit::Emitter(e) = unit {
+                self.world.scene.lights.prefetch(e);
+            }
             let drawn = draws as f32 * pmf;
             let factor = 1.0 / drawn;
             match chosen.iter_mut().find(|c| c.unit == unit) {

@@ -3,14 +3,14 @@
 //! Estimates   sum_i c_i over all lights by c_i / pmf_i for a light i drawn by descent: at each node of eight children the child j is
 //!             taken with probability I_j / sum I, I the importance of its bounds at the point; nodes near the point are
 //!             opened before (`cut`)
-//!             I = P cos(theta') cos(theta_i') / d^2,  theta' = (theta - theta_o - theta_u)+,  theta_i' = (theta_i - theta_u)+
-//!             (Conty Estevez and Kulla 2018, eq. 3), P the sum of the largest radiant intensities
-//!             (with power, narrow spots would come off too low), 0 only where nothing arrives: theta' beyond the emission, or all below
-//!             the receiver's plane
+//!             I = P c c_i / d^2, P the sum of the largest radiant intensities (with power, narrow spots would come off too low), c and c_i
+//!             the mean cosines at the lamps and at the point (`node`), 0 only where nothing arrives: by the bounds of Conty Estevez
+//!             and Kulla 2018, eq. 3, beyond the emission, or all below the receiver's plane
 //! Measure     discrete (`pmf`), the product of the probabilities on the way; what is missing to a sum of 1 is the probability
 //!             to end at a node whose children turn out to send nothing
 //! Source      Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting": cones,
-//!             importance, surface area orientation heuristic (eq. 1); Pharr et al., PBR 4 section 12.6.3, for clamped cosines
+//!             bounds, surface area orientation heuristic (eq. 1); Pharr et al., PBR 4 section 12.6.3, for clamped cosines. Mean cosines in
+//!             place of the greatest ones are ours: of a cluster whose lamps face all ways bounds say nothing
 //! At infinity parallel light and the environment (one unit, all of it together) are entries beside the root, by their irradiance
 //! Bias        none
 //! Not handled visibility; single-precision ties
@@ -22,7 +22,7 @@ pub(in crate::transport) mod node;
 #[cfg(test)]
 mod tests;
 
-use self::bounds::{Bounds, around, split};
+use self::bounds::{Bounds, Extent, around, split};
 pub use self::cut::Cut;
 use self::node::{Child, Node, WIDTH};
 use crate::math::sampler::{hash, refine, unit_f32};
@@ -122,15 +122,15 @@ impl LightTree {
         &self.units
     }
 
-    /// Adds the subtree over `list`: its index.
-    fn build(&mut self, list: &mut [(Bounds, u32)], parent: Option<(u32, u8)>) -> u32 {
+    /// Adds the subtree over `list`: its index and bounds.
+    fn build(&mut self, list: &mut [(Bounds, u32)], parent: Option<(u32, u8)>) -> (u32, Option<Bounds>) {
         // Cut the costliest part until there are enough of them.
         let mut parts = match list.len() {
-            n if n <= WIDTH => (0..n).map(|i| (i..i + 1, Some(list[i].0))).collect(),
+            n if n <= WIDTH => (0..n).map(|i| (i..i + 1, Some(list[i].0.extent))).collect(),
             n => vec![(0..n, around(list))],
         };
         while parts.len() < WIDTH {
-            let cost = |p: &(std::ops::Range<usize>, Option<Bounds>)| p.1.map_or(0.0, |b| b.cost(1.0));
+            let cost = |p: &(std::ops::Range<usize>, Option<Extent>)| p.1.map_or(0.0, |e| e.cost(1.0));
             let cuttable = (0..parts.len()).filter(|&i| parts[i].0.len() > 1);
             let Some(i) = cuttable.max_by(|&i, &j| cost(&parts[i]).total_cmp(&cost(&parts[j]))) else { break };
             let range = parts[i].0.clone();
@@ -145,20 +145,25 @@ impl LightTree {
             .filter_map(|p| p.1)
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), b| (lo.min(b.lo), hi.max(b.hi)));
         self.nodes.push(Node::new(parent, lo, hi));
-        for (lane, (range, bounds)) in parts.into_iter().enumerate() {
+        let mut all = None;
+        for (lane, (range, _)) in parts.into_iter().enumerate() {
             let here = Some((index, lane as u8));
-            let child = match &mut list[range] {
-                [(_, emitter)] => {
+            let (child, bounds) = match &mut list[range] {
+                [(bounds, emitter)] => {
                     self.leaf[*emitter as usize] = here;
-                    Child::Emitter(*emitter)
+                    (Child::Emitter(*emitter), Some(*bounds))
                 }
-                part => Child::Node(self.build(part, here)),
+                part => {
+                    let (node, bounds) = self.build(part, here);
+                    (Child::Node(node), bounds)
+                }
             };
             if let Some(bounds) = bounds {
                 self.nodes[index as usize].set(lane, &bounds, child);
+                all = Some(all.map_or(bounds, |all: Bounds| all.union(bounds)));
             }
         }
-        index
+        (index, all)
     }
 
     /// Probability of the tree against lights at infinity, of these importances.

@@ -12,8 +12,8 @@
 use super::area::{self, Lamp, LampPoint, Seen, relative};
 use super::delta::{Arrival, DeltaLight};
 use super::{Emitter, LightSample, Lights, NONE, Source, mean_channel};
-use crate::math::polygon;
 use crate::math::{DVec3, Rgb, Vec2, Vec3};
+use crate::math::{polygon, prefetch};
 use crate::scene::shape::{Disk, Geometry, Shape, ShapeHit};
 use crate::scene::surface::SurfacePoint;
 use crate::scene::texture::{Color, Textures};
@@ -197,6 +197,16 @@ impl Lights {
     /// Number of emitters: triangles of lamps (or pairs of them), other lamps, lights without extent, lights at infinity.
     pub fn emitter_count(&self) -> usize {
         self.emitters.len()
+    }
+
+    /// Hints that the emitter will be viewed soon.
+    #[inline]
+    pub fn prefetch(&self, emitter: u32) {
+        if let Source::Surface { patch, .. } = self.emitters[emitter as usize].source
+            && let Some(patch) = self.patches.get(patch as usize)
+        {
+            prefetch(patch);
+        }
     }
 
     /// The emitter in view of the point `p`. `None` if it sends nothing there, or is at infinity with a density.

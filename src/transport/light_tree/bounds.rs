@@ -2,7 +2,7 @@
 
 use crate::math::Vec3;
 use crate::scene::light::EmitterBounds;
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_PI_2, PI};
 
 /// Buckets per axis in which splits are looked for.
 const BUCKETS: usize = 12;
@@ -10,12 +10,23 @@ const BUCKETS: usize = 12;
 /// Bounds of a set of emitters.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
-    pub lo: Vec3,
-    pub hi: Vec3,
+    pub extent: Extent,
+    /// Holds all normals.
     pub cone: Cone,
     pub cos_emission: f32,
+    /// The part of the strength that goes in all directions alike.
+    pub even: f32,
+}
+
+/// What is cheap to join: enough to say where a set of emitters is best cut.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    pub lo: Vec3,
+    pub hi: Vec3,
     /// Sum of largest intensities.
     pub strength: f32,
+    /// Sum of intensity times axis over all that do not shine in all directions alike.
+    pub moment: Vec3,
 }
 
 /// Directions up to an angle from an axis.
@@ -78,19 +89,13 @@ impl Cone {
     }
 }
 
-impl Bounds {
-    pub(super) fn of(e: &EmitterBounds) -> Self {
-        let cone = Cone { axis: e.axis, cos: e.cos_normals };
-        Bounds { lo: e.bounds.0, hi: e.bounds.1, cone, cos_emission: e.cos_emission, strength: e.intensity }
-    }
-
-    pub(super) fn union(self, o: Bounds) -> Self {
-        Bounds {
+impl Extent {
+    pub(super) fn union(self, o: Extent) -> Self {
+        Extent {
             lo: self.lo.min(o.lo),
             hi: self.hi.max(o.hi),
-            cone: self.cone.union(o.cone),
-            cos_emission: self.cos_emission.min(o.cos_emission),
             strength: self.strength + o.strength,
+            moment: self.moment + o.moment,
         }
     }
 
@@ -98,45 +103,72 @@ impl Bounds {
         0.5 * (self.lo + self.hi)
     }
 
-    /// Strength times the solid angle of emission times surface area: the cost of Conty Estevez and Kulla's eq. 1.
+    /// Strength times the solid angle of emission times surface area: the cost of Conty Estevez and Kulla's eq. 1. The angle is that of a cone evenly
+    /// filled by normals of this mean length, (1 + cos) / 2, not that of one which holds all: a few that stray do not matter here.
     pub(super) fn cost(&self, stretch: f32) -> f32 {
-        let (o, e) = (self.cone.cos.clamp(-1.0, 1.0).acos(), self.cos_emission.clamp(-1.0, 1.0).acos());
-        let w = (o + e).min(PI);
-        let sin_o = o.sin();
+        let length = if self.strength > 0.0 { self.moment.length() / self.strength } else { 1.0 };
+        let o = (2.0 * length - 1.0).clamp(-1.0, 1.0).acos();
+        let w = (o + FRAC_PI_2).min(PI);
+        let (sin_o, cos_o) = o.sin_cos();
         let measure =
-            2.0 * PI * (1.0 - o.cos()) + 0.5 * PI * (2.0 * w * sin_o - (o - 2.0 * w).cos() - 2.0 * o * sin_o + o.cos());
+            2.0 * PI * (1.0 - cos_o) + 0.5 * PI * (2.0 * w * sin_o - (o - 2.0 * w).cos() - 2.0 * o * sin_o + cos_o);
         let d = self.hi - self.lo;
         self.strength * measure * stretch * (d.x * d.y + d.y * d.z + d.z * d.x)
     }
 }
 
-/// Bounds of all of a list.
-pub(super) fn around(list: &[(Bounds, u32)]) -> Option<Bounds> {
-    list.iter().map(|x| x.0).reduce(Bounds::union)
+impl Bounds {
+    pub(super) fn of(e: &EmitterBounds) -> Self {
+        let even = if e.cos_normals <= -1.0 { e.intensity } else { 0.0 };
+        let ((lo, hi), moment) = (e.bounds, e.axis * (e.intensity - even));
+        Bounds {
+            extent: Extent { lo, hi, strength: e.intensity, moment },
+            cone: Cone { axis: e.axis, cos: e.cos_normals },
+            cos_emission: e.cos_emission,
+            even,
+        }
+    }
+
+    pub(super) fn union(self, o: Bounds) -> Self {
+        Bounds {
+            extent: self.extent.union(o.extent),
+            cone: self.cone.union(o.cone),
+            cos_emission: self.cos_emission.min(o.cos_emission),
+            even: self.even + o.even,
+        }
+    }
 }
 
-/// Reorders the list and returns where to cut it, within it, and the bounds of both parts.
-pub(super) fn split(list: &mut [(Bounds, u32)]) -> (usize, [Option<Bounds>; 2]) {
+/// The extent of all of a list.
+pub(super) fn around(list: &[(Bounds, u32)]) -> Option<Extent> {
+    list.iter().map(|x| x.0.extent).reduce(Extent::union)
+}
+
+/// Reorders the list and returns where to cut it, within it, and the extents of both parts.
+pub(super) fn split(list: &mut [(Bounds, u32)]) -> (usize, [Option<Extent>; 2]) {
     if let [a, b] = list {
-        return (1, [Some(a.0), Some(b.0)]);
+        return (1, [Some(a.0.extent), Some(b.0.extent)]);
     }
     let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (lo, hi) = list.iter().fold(empty, |b, (x, _)| (b.0.min(x.centre()), b.1.max(x.centre())));
+    let (lo, hi) = list.iter().fold(empty, |b, (x, _)| {
+        let centre = x.extent.centre();
+        (b.0.min(centre), b.1.max(centre))
+    });
     let extent = hi - lo;
     let bucket = |b: &Bounds, axis: usize| {
-        let x = (b.centre()[axis] - lo[axis]) / extent[axis];
+        let x = (b.extent.centre()[axis] - lo[axis]) / extent[axis];
         ((x * BUCKETS as f32) as usize).min(BUCKETS - 1)
     };
-    let join = |a: Option<Bounds>, b: Option<Bounds>| match (a, b) {
+    let join = |a: Option<Extent>, b: Option<Extent>| match (a, b) {
         (Some(a), Some(b)) => Some(a.union(b)),
         (a, b) => a.or(b),
     };
-    let mut best: Option<(f32, usize, usize, [Option<Bounds>; 2])> = None;
+    let mut best: Option<(f32, usize, usize, [Option<Extent>; 2])> = None;
     for axis in (0..3).filter(|&a| extent[a] > 0.0) {
-        let mut buckets: [Option<Bounds>; BUCKETS] = [None; BUCKETS];
+        let mut buckets: [Option<Extent>; BUCKETS] = [None; BUCKETS];
         for (b, _) in list.iter() {
             let slot = &mut buckets[bucket(b, axis)];
-            *slot = join(*slot, Some(*b));
+            *slot = join(*slot, Some(b.extent));
         }
         // All from each bucket on, and then those before it, one after the other.
         let mut from = buckets;

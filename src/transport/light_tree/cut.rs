@@ -9,8 +9,9 @@
 //! Bias        none: the probabilities are a function of the point alone
 //! Verified by `tests`: with those of the tree
 
-use super::node::{Child, Lanes, WIDTH};
+use super::node::{Child, Lanes, Node, WIDTH};
 use super::{LightTree, LitPoint, Unit};
+use crate::math::prefetch;
 use arrayvec::ArrayVec;
 
 /// Nodes that are opened at most: bounds what a point costs in any tree.
@@ -26,6 +27,32 @@ struct Opened {
     sum: f32,
     /// Importance of its children; 0 of those that are opened themselves.
     importance: Lanes,
+}
+
+/// A draw on its way down.
+#[derive(Clone, Copy, Debug)]
+struct Draw {
+    at: Child,
+    /// What is left of its number.
+    u: f64,
+    pmf: f32,
+}
+
+impl Draw {
+    /// A level down, by the importances of the children of `node`, in which the draw is, and their sum.
+    #[inline]
+    fn step(&self, node: &Node, (importances, sum): &(Lanes, f32)) -> Option<Draw> {
+        let (lane, importance, u) = pick(importances.iter().copied(), self.u * f64::from(*sum))?;
+        Some(Draw { at: node.child(lane), u, pmf: self.pmf * (importance / sum) })
+    }
+
+    /// The light that has been drawn.
+    fn end(&self) -> Option<(Unit, f32)> {
+        match self.at {
+            Child::Emitter(e) => Some((Unit::Emitter(e), self.pmf)),
+            _ => None,
+        }
+    }
 }
 
 /// The tree as seen from a point.
@@ -101,21 +128,69 @@ impl<'t> Cut<'t> {
             }
             return chosen;
         }
-        let (k, of, u) = pick(self.opened.iter().map(|o| o.sum), u / share * f64::from(self.sum))?;
+        let mut draw = self.enter(u / share)?;
+        while let Child::Node(index) = draw.at {
+            let node = &self.tree.nodes[index as usize];
+            draw = draw.step(node, &node.importance(&self.at))?;
+        }
+        draw.end()
+    }
+
+    /// Draws a light for each of `u` in turn, as [`Self::sample`] does. All go down the tree at the same time, so that they wait for memory
+    /// together, and those in one node ask for its importance once.
+    pub fn sample_each<const N: usize>(&self, u: impl Iterator<Item = f64>) -> ArrayVec<Option<(Unit, f32)>, N> {
+        let mut drawn: ArrayVec<Option<(Unit, f32)>, N> = ArrayVec::new();
+        let mut open: ArrayVec<(usize, Draw), N> = ArrayVec::new();
+        let share = f64::from(self.share);
+        let far = self.tree.units.len() > 1;
+        for u in u.take(N) {
+            let place = drawn.len();
+            drawn.push(None);
+            if far && u < share {
+                open.extend(self.enter(u / share).map(|draw| (place, draw)));
+            } else {
+                drawn[place] = self.sample(u);
+            }
+        }
+        let mut known: ArrayVec<(u32, (Lanes, f32)), N> = ArrayVec::new();
+        while !open.is_empty() {
+            known.clear();
+            open.retain(|(place, draw)| {
+                let Child::Node(index) = draw.at else {
+                    drawn[*place] = draw.end();
+                    return false;
+                };
+                let node = &self.tree.nodes[index as usize];
+                let k = known.iter().position(|(other, _)| *other == index).unwrap_or_else(|| {
+                    known.push((index, node.importance(&self.at)));
+                    known.len() - 1
+                });
+                let next = draw.step(node, &known[k].1);
+                if let Some(next) = next {
+                    self.prefetch(next.at);
+                    *draw = next;
+                }
+                next.is_some()
+            });
+        }
+        drawn
+    }
+
+    /// The first choice of a draw within the tree, for `u` in [0, 1).
+    #[inline]
+    fn enter(&self, u: f64) -> Option<Draw> {
+        let (k, of, u) = pick(self.opened.iter().map(|o| o.sum), u * f64::from(self.sum))?;
         let Opened { index, importance, .. } = self.opened[k];
-        let (lane, importance, mut u) = pick(importance.into_iter(), u * f64::from(of))?;
-        let mut pmf = self.share * (importance / self.sum);
-        let mut child = self.tree.nodes[index as usize].child(lane);
-        loop {
-            let node = match child {
-                Child::Emitter(e) => return Some((Unit::Emitter(e), pmf)),
-                Child::Node(next) => &self.tree.nodes[next as usize],
-                Child::Nothing => return None,
-            };
-            let (importances, sum) = node.importance(&self.at);
-            let (lane, importance, rest) = pick(importances.into_iter(), u * f64::from(sum))?;
-            pmf *= importance / sum;
-            (child, u) = (node.child(lane), rest);
+        let (lane, importance, u) = pick(importance.into_iter(), u * f64::from(of))?;
+        let at = self.tree.nodes[index as usize].child(lane);
+        self.prefetch(at);
+        Some(Draw { at, u, pmf: self.share * (importance / self.sum) })
+    }
+
+    #[inline(always)]
+    fn prefetch(&self, child: Child) {
+        if let Child::Node(index) = child {
+            prefetch(&self.tree.nodes[index as usize]);
         }
     }
 

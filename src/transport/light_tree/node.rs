@@ -1,10 +1,20 @@
 //! A node of the light tree: the bounds of its children side by side, and their importance at a point.
 //!
-//! The equations are those of [`super`]. The cone of normals and the cone under which the bounding sphere is seen are added as one
-//! angle, by its sine and cosine: no angle is computed. Every lane does the same plain arithmetic without a branch, which
+//! Whether anything arrives, bounds decide: the cone of normals and the cone under which the bounding sphere is seen are added as one
+//! angle, by its sine and cosine; no angle is computed. How much, the mean over the lamps tells, whose normals are taken to be spread about their
+//! axis a so that their mean is r a:
+//!
+//! ```text
+//!   c   = e + (1 - e) (r cos + sqrt((1 - r^3) / 4 + r^3 cos^2)) / 2           mean of (n . w)+, as (x + |x|) / 2
+//!   c_i = (cos_i + sqrt(cos_i^2 + k sin^2)) / 2                               mean of cos_i+ over the ball
+//! ```
+//!
+//! e: share that goes in all directions alike; cos: between a and the direction w to the point; r shrinks by (1 + cos theta_u) / 2, since w varies over
+//! the ball; theta_u: half the angle under which that is seen, of this sine. Both are right for one small lamp, for lamps that face all ways (1/4), and at
+//! the horizon of a full ball (k). Every lane does the same plain arithmetic without a branch, which
 //! compilers turn into vector instructions, those of AVX2 where the processor has them; it is exact to the last bit with any of them.
 //!
-//! What a choice among many lamps costs is memory: a node is kept in 276 bytes. Boxes are whole numbers of 65,535 steps of the node's own box,
+//! What a choice among many lamps costs is memory: a node is kept in 292 bytes. Boxes are whole numbers of 65,535 steps of the node's own box,
 //! axes of 32,767 steps of 1, cones the sine of half their angle. Boxes and cones are rounded outwards, from the middle as it is read
 //! back; what rounding of the axis does to a cosine is allowed for where emission ends.
 
@@ -22,6 +32,13 @@ type Signed = [i16; WIDTH];
 const STEPS: f32 = u16::MAX as f32;
 /// Steps of axes and cosines.
 const SIGNED_STEPS: f32 = i16::MAX as f32;
+/// Steps of shares.
+const SHARES: f32 = u8::MAX as f32;
+/// k: where the middle of a ball seen under a right angle lies on the horizon, the mean of cos_i+ is 3/16 (of points spread evenly in it).
+const FULL_BALL: f32 = 9.0 / 64.0;
+/// Least mean cosines, so that what is seldom drawn does not weigh too much.
+const LEAST_COS: f32 = 0.01;
+const LEAST_TILT: f32 = 1e-3;
 /// More than a cosine is off by a rounded axis: sqrt(3) / 2 steps.
 const AXIS_ROUNDING: f32 = 4e-5;
 
@@ -71,6 +88,9 @@ pub(in crate::transport) struct Node {
     /// Sine of half the angle of the cone of normals.
     half_cone: Short,
     cos_emission: Signed,
+    /// e and r, in parts of [`SHARES`].
+    even: [u8; WIDTH],
+    common: [u8; WIDTH],
     /// Sum of largest intensities.
     pub strength: Lanes,
     /// What the lanes stand for.
@@ -90,6 +110,8 @@ impl Node {
             axis: [[0; WIDTH]; 3],
             half_cone: [0; WIDTH],
             cos_emission: [0; WIDTH],
+            even: [0; WIDTH],
+            common: [0; WIDTH],
             strength: [0.0; WIDTH],
             children: [Packed::NOTHING; WIDTH],
             parent,
@@ -99,20 +121,26 @@ impl Node {
     /// Sets a lane.
     pub(super) fn set(&mut self, lane: usize, b: &Bounds, child: Child) {
         // Casts end at the limits of their types.
+        let e = &b.extent;
+        // Any axis will do for a cone that holds all directions.
+        let axis = if b.cone.cos <= -1.0 { e.moment.normalize_or(b.cone.axis) } else { b.cone.axis };
+        let common = e.moment.dot(axis) / (e.strength - b.even).max(f32::MIN_POSITIVE);
+        self.common[lane] = (common * SHARES).round() as u8;
+        self.even[lane] = (b.even / e.strength * SHARES).round() as u8;
         for k in 0..3 {
-            let (lo, hi, step) = (b.lo[k], b.hi[k], self.step[k]);
+            let (lo, hi, step) = (e.lo[k], e.hi[k], self.step[k]);
             if step > 0.0 {
                 self.centre[k][lane] = ((0.5 * (lo + hi) - self.origin[k]) / step).round() as u16;
                 let middle = self.centre(lane)[k];
                 let reach = (hi - middle).max(middle - lo);
                 self.half[k][lane] = (reach / step * (1.0 + 1e-6)).ceil() as u16;
             }
-            self.axis[k][lane] = (b.cone.axis[k] * SIGNED_STEPS).round() as i16;
+            self.axis[k][lane] = (axis[k] * SIGNED_STEPS).round() as i16;
         }
         let half_cone = (0.5 * (1.0 - b.cone.cos)).clamp(0.0, 1.0).sqrt();
         self.half_cone[lane] = (half_cone * STEPS * (1.0 + 1e-6)).ceil() as u16;
         self.cos_emission[lane] = ((b.cos_emission - AXIS_ROUNDING) * SIGNED_STEPS).floor() as i16;
-        self.strength[lane] = b.strength;
+        self.strength[lane] = e.strength;
         self.children[lane] = Packed::new(child);
     }
 
@@ -179,14 +207,18 @@ impl Node {
             // A negative sine of the sum: more than pi, which holds all directions.
             let within = inside | (sin_both <= 0.0) | (theta >= cos_both);
             let cos = if within { 1.0 } else { beyond };
-            let importance = self.strength[k] * larger(cos, 0.01) * inverse2;
+            let (even, common) = (f32::from(self.even[k]) * (1.0 / SHARES), f32::from(self.common[k]) * (1.0 / SHARES));
+            let r = common * (0.5 + 0.5 * cos_around);
+            let r3 = r * r * r;
+            let lobe = 0.5 * (r * theta + (0.25 * (1.0 - r3) + r3 * theta * theta).sqrt());
+            let importance = self.strength[k] * larger(even + (1.0 - even) * lobe, LEAST_COS) * inverse2;
             // Above the plane? A box is above it where its farthest corner is.
             let height = x * n.x + y * n.y + z * n.z;
             let reach = height + hx * n.x.abs() + hy * n.y.abs() + hz * n.z.abs();
             let rounding = 1e-6 * (x.abs() + y.abs() + z.abs() + hx + hy + hz);
             let cos_i = height * inverse;
-            let low = larger(cos_i * cos_around + larger(1.0 - cos_i * cos_i, 0.0).sqrt() * sin_around, 1e-3);
-            let tilt = if !one_sided | inside | (cos_i >= cos_around) { 1.0 } else { low };
+            let tilted = larger(0.5 * (cos_i + (cos_i * cos_i + FULL_BALL * sin2).sqrt()), LEAST_TILT);
+            let tilt = if one_sided { tilted } else { 1.0 };
             let lit =
                 (cos > f32::from(self.cos_emission[k]) * (1.0 / SIGNED_STEPS)) & (!one_sided | (reach > -rounding));
             *out = if lit { importance * tilt } else { 0.0 };
