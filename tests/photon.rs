@@ -352,7 +352,7 @@ fn with_wrong_cache(desc: Description, settings: PhotonSettings, passes: u64, gl
     let world = World::new(&scene, &accel).with_lights(&lights);
     let mut cache = IrradianceCache::new(world, CacheSettings { seed: settings.seed, ..CacheSettings::default() });
     let caustic = |_, _| Rgb::splat(glow);
-    cache.fill(&places(world, window, 1, None), &HitLight::Operator { caustic: &caustic }, usize::MAX);
+    cache.fill(&places(world, window, 1, None, false), &HitLight::Operator { caustic: &caustic }, usize::MAX);
     cache.finish();
     let mut integrator = Photon::new(world, settings, window).with_cache(cache).expect("a cache is used");
     let run = RenderSettings { window, passes: Some(passes), deadline: None, seed: settings.seed, features: false };
