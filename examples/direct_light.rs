@@ -116,7 +116,7 @@ fn main() {
     let references = [101, 102].map(|seed| render(world, full, reference_passes, seed).0);
     let window = [0, 0, scene.film.width, scene.film.height];
     let start = cpu_seconds();
-    let map = antialias::causes(world, window);
+    let map = antialias::causes(world, window, false);
     let share = |cause: Option<Causes>| {
         let counts = |c: &&Causes| cause.map_or(**c != Causes::default(), |k| c.intersects(k));
         100.0 * map.iter().filter(counts).count() as f64 / map.len() as f64
