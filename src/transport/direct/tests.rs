@@ -179,7 +179,8 @@ fn all_methods_have_one_mean() {
 
 #[test]
 fn all_methods_have_one_mean_when_lights_are_drawn() {
-    agree(&workshop(), 300, |s| s.max_lights = 2);
+    // Rare samples are bright: their variance is known late.
+    agree(&workshop(), 1500, |s| s.max_lights = 2);
 }
 
 #[test]
