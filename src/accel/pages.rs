@@ -15,8 +15,10 @@ type Map = memmap2::Mmap;
 #[cfg(not(target_os = "linux"))]
 type Map = Vec<u8>;
 
-/// Below this size an array gains nothing: bytes.
-const SMALLEST: usize = 1 << 20;
+/// A large page.
+const PAGE: usize = 2 << 20;
+/// Below this size an array is left where it is: bytes. It would waste half of its page.
+const SMALLEST: usize = PAGE / 2;
 
 /// A read-only array.
 #[derive(Debug)]
@@ -25,8 +27,8 @@ pub(crate) struct Pages<T>(Memory<T>);
 #[derive(Debug)]
 enum Memory<T> {
     Heap(Vec<T>),
-    /// Holds whole elements.
-    Large(Map),
+    /// The map, and how many of its bytes are elements.
+    Large(Map, usize),
 }
 
 impl<T> Default for Pages<T> {
@@ -38,8 +40,9 @@ impl<T> Default for Pages<T> {
 impl<T: Pod> Pages<T> {
     /// Moves an array into large pages, if that pays.
     pub fn new(array: Vec<T>) -> Self {
-        let large = if size_of_val(array.as_slice()) < SMALLEST { None } else { large(bytemuck::cast_slice(&array)) };
-        Pages(large.map_or_else(|| Memory::Heap(array), Memory::Large))
+        let size = size_of_val(array.as_slice());
+        let large = if size < SMALLEST { None } else { large(bytemuck::cast_slice(&array)) };
+        Pages(large.map_or_else(|| Memory::Heap(array), |map| Memory::Large(map, size)))
     }
 }
 
@@ -51,17 +54,18 @@ impl<T: Pod> Deref for Pages<T> {
         match &self.0 {
             Memory::Heap(array) => array,
             // The start of a page is aligned for any element.
-            Memory::Large(map) => bytemuck::cast_slice(map),
+            Memory::Large(map, size) => bytemuck::cast_slice(&map[..*size]),
         }
     }
 }
 
 #[cfg(target_os = "linux")]
 fn large(bytes: &[u8]) -> Option<Map> {
-    let mut map = memmap2::MmapMut::map_anon(bytes.len()).ok()?;
+    // Whole pages: the system puts such a map at the start of one.
+    let mut map = memmap2::MmapMut::map_anon(bytes.len().next_multiple_of(PAGE)).ok()?;
     // Before the first access: pages are made then. If the system does not know the request, they are small.
     map.advise(memmap2::Advice::HugePage).ok();
-    map.copy_from_slice(bytes);
+    map[..bytes.len()].copy_from_slice(bytes);
     map.make_read_only().ok()
 }
 
@@ -80,7 +84,7 @@ mod tests {
             let array: Vec<u64> = (0..count as u64).map(|i| i.wrapping_mul(0x9e37_79b9_7f4a_7c15)).collect();
             let pages = Pages::new(array.clone());
             assert!(*pages == *array, "{count} elements");
-            let large = matches!(pages.0, Memory::Large(_));
+            let large = matches!(pages.0, Memory::Large(..));
             assert_eq!(
                 large,
                 cfg!(target_os = "linux") && size_of_val(array.as_slice()) >= SMALLEST,

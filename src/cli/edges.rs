@@ -40,7 +40,7 @@ pub struct EdgesArgs {
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u16).range(2..=2048))]
     cells: u16,
     /// Compare with brute force of N x N rays per footprint and print recall, precision and cost, for bounds and for corners (`--test corners4`:
-    /// the four only).
+    /// the four only). Lamps that the camera does not see count here.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=256))]
     score: Option<u16>,
     /// Write the scores to this file.
@@ -96,7 +96,8 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
     loaded.warnings.iter().for_each(tell);
     let (scene, accel) = args.scene.build(loaded.description)?;
     let settings = Settings { test: args.test.into(), order: usize::from(args.order), ..Settings::default() };
-    let detector = EdgeDetector::with_settings(&scene, &accel, settings);
+    let hidden = scene.integrator.hide_emitters && args.score.is_none();
+    let detector = EdgeDetector::with_settings(&scene, &accel, settings).hiding_lamps(hidden);
     let lights = area_lights(&scene);
     let light = |option: &str, k: usize| {
         let n = lights.len();

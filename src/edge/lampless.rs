@@ -10,8 +10,8 @@ use crate::math::Vec3;
 use crate::scene::{Scene, Shape};
 use std::ops::ControlFlow;
 
-/// Most lamps that a ray passes.
-const MOST_PASSED: u32 = 64;
+/// Most surfaces of lamps that a ray passes, as many as a picture's rays do.
+const MOST_PASSED: u32 = 256;
 
 /// A visitor that is not shown lamps.
 struct Lampless<'v, V> {
@@ -80,12 +80,12 @@ impl EdgeDetector<'_> {
     fn behind_lamps(&self, ray: &Ray, mut hit: Hit) -> Option<Hit> {
         let mut behind = *ray;
         for _ in 0..MOST_PASSED {
-            if !is_lamp(&self.scene.shapes[hit.shape as usize]) {
-                return Some(hit);
-            }
             // The next number but a few: lamps of one plane may meet.
             behind.tmin = hit.t + hit.t.abs() * 1e-6;
             hit = self.accel.closest(&behind)?;
+            if !is_lamp(&self.scene.shapes[hit.shape as usize]) {
+                return Some(hit);
+            }
         }
         None
     }

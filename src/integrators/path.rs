@@ -66,7 +66,7 @@ struct Previous {
 impl<'a> Path<'a> {
     /// A path tracer over `world`.
     pub fn new(world: World<'a>, settings: PathSettings) -> Self {
-        let lights = LightSelection::new(world, &settings.lights, || probes(world));
+        let lights = LightSelection::new(world, &settings.lights, || probes(world, settings.hide_emitters));
         Path { world, lights, settings }
     }
 
@@ -105,7 +105,7 @@ impl<'a> Path<'a> {
 }
 
 /// What the camera sees through the middle of some pixels: points that are lit.
-fn probes(world: World) -> Vec<LitPoint> {
+fn probes(world: World, hide_emitters: bool) -> Vec<LitPoint> {
     let scene = world.scene;
     let [x, y, width, height] = scene.film.crop;
     let side = if scene.lights.emitter_count() > MANY_LIGHTS { PROBES[0] } else { PROBES[1] };
@@ -113,8 +113,7 @@ fn probes(world: World) -> Vec<LitPoint> {
     let seen = |i: u32| {
         let pixel = Vec2::new(x as f32 + middle(i % side, width), y as f32 + middle(i / side, height));
         let CameraRay { o, d, tmin, tmax, .. } = scene.camera.ray(pixel, Vec2::splat(0.5));
-        let ray = Ray { o, d, tmin, tmax };
-        let at = world.surface(&ray, &world.accel.closest(&ray)?);
+        let at = world.first_seen(Ray { o, d, tmin, tmax }, hide_emitters)?;
         Some(LitPoint { p: at.p, n: world.bsdf(&at, -d).upper_normal() })
     };
     (0..side * side).filter_map(seen).collect()

@@ -10,7 +10,8 @@ pub fn prefetch<T>(what: &T) {
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let start = std::ptr::from_ref(what).cast::<i8>();
-        for line in (0..size_of::<T>()).step_by(LINE) {
+        // The last byte: what does not begin with a line ends in one more.
+        for line in (0..size_of::<T>()).step_by(LINE).chain([size_of::<T>().saturating_sub(1)]) {
             // SAFETY: a prefetch does not access memory in the sense of the language; any address is allowed.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
         }

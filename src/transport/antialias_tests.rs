@@ -42,6 +42,10 @@ const SMALL_LAMP: &str = r#"<shape type="rectangle"><transform name="to_world"><
 const LARGE_LAMP: &str = r#"<shape type="rectangle"><transform name="to_world"><scale value="0.5"/><rotate x="1" angle="90"/>
     <translate x="0.8" y="3" z="1.2"/></transform><emitter type="area"/></shape>"#;
 
+const CHECKS: &str = r#"<shape type="rectangle"><transform name="to_world"><scale value="3"/><rotate x="1" angle="-90"/>
+        <translate y="0.1"/></transform><bsdf type="diffuse"><texture type="checkerboard" name="reflectance">
+        <transform name="to_uv"><scale value="3"/></transform></texture></bsdf></shape>"#;
+
 /// What rays through the parts of a pixel find: surfaces (facets of cubes apart), and whether the first light reaches them.
 fn truth(world: World, x: u32, y: u32, half: f32) -> (bool, bool) {
     let World { scene, accel, .. } = world;
@@ -129,10 +133,7 @@ fn mirrors_show_edges_and_checkered_floors_detail() {
     let mirrored = map.iter().filter(|c| c.intersects(Causes::CHAIN)).count();
     assert!(mirrored > 15, "the ball's image: {mirrored}");
     assert!(!map.iter().any(|c| c.intersects(Causes::TEXTURE)));
-    let checks = r#"<shape type="rectangle"><transform name="to_world"><scale value="3"/><rotate x="1" angle="-90"/>
-        <translate y="0.1"/></transform><bsdf type="diffuse"><texture type="checkerboard" name="reflectance">
-        <transform name="to_uv"><scale value="3"/></transform></texture></bsdf></shape>"#;
-    let (checked, accel) = scene("box", checks);
+    let (checked, accel) = scene("box", CHECKS);
     let map = causes(World::new(&checked, &accel), [0, 0, SIZE, SIZE], false);
     let share = map.iter().filter(|c| c.intersects(Causes::TEXTURE)).count() as f64 / map.len() as f64;
     // Checks of 0.5 under pixels of about 0.1: borders along two directions.
@@ -164,6 +165,30 @@ fn hidden_lamps_have_no_edges_but_in_mirrors() {
         let more = |map: &[Causes]| sight(map).iter().filter(|s| **s).count();
         assert!(more(&shown) > more(&without) + 20, "{camera}: the lamps are out of view");
     }
+}
+
+#[test]
+fn behind_hidden_lamps_there_are_textures_and_shadows() {
+    let map = |body: &str| {
+        let (scene, accel) = scene("box", body);
+        causes(World::new(&scene, &accel), [0, 0, SIZE, SIZE], true)
+    };
+    // Many lamps, one behind the other, in the middle of the picture.
+    let row: String = (0..100)
+        .map(|i| {
+            let y = 1.0 + 0.01 * f64::from(i);
+            format!(
+                r#"<shape type="rectangle"><transform name="to_world"><scale value="0.4"/><rotate x="1" angle="-90"/>
+                <translate x="0.1" y="{y}" z="{y}"/></transform><emitter type="area"/></shape>"#
+            )
+        })
+        .collect();
+    assert_eq!(map(&format!("{CHECKS}{row}")), map(CHECKS));
+    // They cast shadows.
+    let shadows = |body: &str| map(body).iter().filter(|c| c.intersects(Causes::SHADOW)).count();
+    let lamp = r#"<shape type="sphere"><point name="center" x="0.2" y="1.5" z="0.4"/><float name="radius" value="0.3"/>
+        <emitter type="area"/></shape>"#;
+    assert!(shadows(&format!("{POINT}{lamp}")) > shadows(POINT) + 20);
 }
 
 #[test]

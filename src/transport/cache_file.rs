@@ -18,7 +18,7 @@ use std::path::Path;
 /// First bytes of the file.
 pub const MAGIC: &[u8; 16] = b"dualux irr.cache";
 /// Version of the layout.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 
 /// Why a cache file cannot be used.
 #[derive(Debug, thiserror::Error)]

@@ -1,6 +1,6 @@
 //! Which light a path vertex samples: one interface to all strategies, so that they can be compared in one integrator.
 //!
-//! `Tree`     one light of the [`LightTree`], in proportion to what its bounds may contribute
+//! `Tree`     one light of the [`LightTree`], in proportion to what it may contribute
 //! `Power`    one light in proportion to its power, wherever it is
 //! `Uniform`  one light, all alike
 //! `Culling`  stochastic light culling ([`LightCulling`]); lights at infinity, which it leaves out, are drawn besides

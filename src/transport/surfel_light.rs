@@ -91,6 +91,8 @@ pub struct SurfelLight {
     /// Rays traced.
     pub counts: RayCounts,
     pub(super) settings: SurfelSettings,
+    /// Surfels that gather rays of records have found.
+    by_records: usize,
     /// Light samples per surfel, once it is known how many are needed.
     light_samples: Option<u32>,
     /// D + C (or everything, from a map).
@@ -122,6 +124,7 @@ stored!(SurfelLight {
     surfels,
     counts,
     settings,
+    by_records,
     light_samples,
     own,
     caustic,
@@ -153,6 +156,7 @@ impl SurfelLight {
             surfels: Surfels::new(cell),
             counts: RayCounts::default(),
             settings,
+            by_records: 0,
             light_samples: None,
             own: Vec::new(),
             caustic: Vec::new(),
@@ -190,7 +194,9 @@ impl SurfelLight {
             let gatherer = if large { k as u32 } else { self.surfels.find_or_insert(world, &at, f32::INFINITY) };
             self.gatherer.push(gatherer);
         }
-        let mut most = None;
+        self.by_records += self.surfels.len() - first;
+        // In hair and foliage every ray would find a new one: no more than half as many again as rays of records have found.
+        let most = self.by_records * 3 / 2 + FURTHER;
         for generation in 0..MOST_GENERATIONS {
             self.surfels.coarsen(rays);
             let start = self.row_ends.len();
@@ -198,12 +204,8 @@ impl SurfelLight {
                 break;
             }
             self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
-            // No more than three for each gather ray: in hair and foliage every ray would find a new one. From the second generation on: wider
-            // neighbourhoods, and not much more than there is.
-            let coarse = generation > 0;
-            let most =
-                if coarse { *most.get_or_insert(self.surfels.len() * 3 / 2 + FURTHER) } else { 2 * rays + FURTHER };
-            self.gather(world, start, with_rows, coarse, most);
+            // From the second generation on: wider neighbourhoods.
+            self.gather(world, start, with_rows, generation > 0, most);
         }
         self.row_ends.resize(self.surfels.len(), self.entries.len() as u32);
         self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);

@@ -45,6 +45,19 @@ impl<'a> World<'a> {
         World { lights: Some(lights), ..self }
     }
 
+    /// What a camera ray shows first, behind lamps if these are hidden.
+    pub fn first_seen(&self, mut ray: Ray, hide_emitters: bool) -> Option<SurfacePoint> {
+        for _ in 0..=MAX_PASSED_SURFACES {
+            let hit = self.accel.closest(&ray)?;
+            let at = self.surface(&ray, &hit);
+            if !hide_emitters || self.scene.shapes[at.shape as usize].emission.is_none() {
+                return Some(at);
+            }
+            ray = Ray { tmax: ray.tmax - hit.t, ..Ray::leaving(&at, ray.d) };
+        }
+        None
+    }
+
     /// A direction towards a light, weight and density with the probability of the light: by the tree if there is one, else by
     /// power. `None` counts as a sample of value 0.
     pub fn sample_light(&self, at: &LitPoint, u_light: f32, u: Vec2) -> Option<LightSample> {

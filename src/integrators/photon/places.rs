@@ -60,7 +60,8 @@ fn seen(world: World, pixel: Vec2, hide_emitters: bool, found: &mut Vec<Place>) 
         if hide_emitters && way.scatterings == 0 && world.scene.shapes[at.shape as usize].emission.is_some() {
             passed += 1;
             if passed <= MAX_PASSED_SURFACES {
-                let _ = waiting.try_push(Way { ray: Ray::leaving(&at, way.ray.d), before: travelled, ..way });
+                let ray = Ray { tmax: way.ray.tmax - hit.t, ..Ray::leaving(&at, way.ray.d) };
+                let _ = waiting.try_push(Way { ray, before: travelled, ..way });
             }
             continue;
         }

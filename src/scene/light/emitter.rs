@@ -180,6 +180,8 @@ pub struct EmitterBounds {
     pub cos_emission: f32,
     /// Largest radiant intensity over all directions, W/sr, mean of the channels: the irradiance at distance 1.
     pub intensity: f32,
+    /// Share of it that goes in all directions alike as far as it emits; the rest falls with the cosine.
+    pub even: f32,
 }
 
 /// Where an emitter is.
@@ -268,6 +270,7 @@ impl Lights {
             cos_normals: 1.0,
             cos_emission: 0.0,
             intensity,
+            even: 0.0,
         };
         match self.emitters[emitter as usize].source {
             Source::Surface { shape, prim, patch, .. } => {
@@ -275,7 +278,7 @@ impl Lights {
                 // Of a mesh this looks at all of its vertices: not to be asked for each of its triangles.
                 let all_round = || {
                     let (lo, hi) = shape.bounds();
-                    EmitterBounds { cos_normals: -1.0, ..flat(&[lo, hi], Vec3::Z) }
+                    EmitterBounds { cos_normals: -1.0, even: 1.0, ..flat(&[lo, hi], Vec3::Z) }
                 };
                 Some(match (self.patches.get(patch as usize), &shape.geometry) {
                     (Some(patch), _) => {
@@ -289,7 +292,9 @@ impl Lights {
                         let cos = m.triangles[prim as usize].map(vertex).into_iter().fold(1.0, f32::min);
                         EmitterBounds { cos_normals: cos.max(-1.0), ..flat(&m.corners(prim), n) }
                     }
-                    (None, Geometry::Disk(d)) => EmitterBounds { axis: d.n, cos_normals: 1.0, ..all_round() },
+                    (None, Geometry::Disk(d)) => {
+                        EmitterBounds { axis: d.n, cos_normals: 1.0, even: 0.0, ..all_round() }
+                    }
                     // Seen from any side: a quarter of the surface, and the section along the axis.
                     (None, Geometry::Sphere(_)) => EmitterBounds { intensity: 0.25 * intensity, ..all_round() },
                     (None, _) => EmitterBounds { intensity: intensity * FRAC_1_PI, ..all_round() },
@@ -298,12 +303,14 @@ impl Lights {
             Source::Delta(k) => match &self.deltas[k as usize] {
                 DeltaLight::Point { position, intensity } => {
                     let intensity = mean_channel(*intensity) as f32;
-                    Some(EmitterBounds { cos_normals: -1.0, intensity, ..flat(&[*position], Vec3::Z) })
+                    Some(EmitterBounds { cos_normals: -1.0, intensity, even: 1.0, ..flat(&[*position], Vec3::Z) })
                 }
                 DeltaLight::Spot { position, to_local, cutoff, intensity, .. } => {
                     let axis = to_local.transpose() * Vec3::Z;
                     let intensity = mean_channel(*intensity) as f32;
-                    Some(EmitterBounds { cos_emission: cutoff.cos(), intensity, ..flat(&[*position], axis) })
+                    let (cos_emission, even) = (cutoff.cos(), 1.0 - cutoff.cos().max(0.0));
+                    // As bright at the border as in the middle, or nearly so: narrow ones have no room for a difference.
+                    Some(EmitterBounds { cos_emission, intensity, even, ..flat(&[*position], axis) })
                 }
                 DeltaLight::Directional { .. } => None,
             },

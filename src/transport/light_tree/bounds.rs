@@ -25,8 +25,10 @@ pub(super) struct Extent {
     pub hi: Vec3,
     /// Sum of largest intensities.
     pub strength: f32,
-    /// Sum of intensity times axis over all that do not shine in all directions alike.
+    /// Sum of I n, I the intensity but for what goes in all directions alike, n the axis.
     pub moment: Vec3,
+    /// Sum of I n n: diagonal, and yz, zx, xy.
+    pub second: [Vec3; 2],
 }
 
 /// Directions up to an angle from an axis.
@@ -81,6 +83,23 @@ impl Cone {
         Cone { axis: (self.axis * cos + side * sin).normalize(), cos: half.cos() as f32 }
     }
 
+    /// A cone around `axis` that holds this one; this one if that has no direction.
+    pub(super) fn about(self, axis: Vec3) -> Cone {
+        let Some(axis) = axis.try_normalize() else { return self };
+        if self.cos <= -1.0 {
+            return Cone { axis, ..self };
+        }
+        if axis.dot(self.axis) > 1.0 - 2.0 * f32::EPSILON {
+            return self;
+        }
+        // The sum of two angles, by their sines and cosines.
+        let (between, cos) = (axis.dot(self.axis).clamp(-1.0, 1.0), self.cos);
+        let (sin_between, sin) = (axis.cross(self.axis).length().min(1.0), (1.0 - cos * cos).max(0.0).sqrt());
+        let beyond_pi = sin_between * cos + between * sin < 0.0;
+        let both = between * cos - sin_between * sin - 1e-6;
+        Cone { axis, cos: if beyond_pi || both <= -1.0 { -1.0 } else { both } }
+    }
+
     /// Whether the other cone lies within, beyond doubt by rounding: cos (a - b) against the cosine between the axes, without an angle.
     fn surely_holds(&self, other: &Cone) -> bool {
         let [a, b] = [self.cos, other.cos].map(f64::from);
@@ -96,15 +115,22 @@ impl Extent {
             hi: self.hi.max(o.hi),
             strength: self.strength + o.strength,
             moment: self.moment + o.moment,
+            second: [self.second[0] + o.second[0], self.second[1] + o.second[1]],
         }
+    }
+
+    /// Mean square of the cosine between the axes and the unit vector `a`, times the sum of I.
+    pub(super) fn squares(&self, a: Vec3) -> f32 {
+        self.second[0].dot(a * a) + 2.0 * self.second[1].dot(Vec3::new(a.y * a.z, a.z * a.x, a.x * a.y))
     }
 
     pub(super) fn centre(&self) -> Vec3 {
         0.5 * (self.lo + self.hi)
     }
 
-    /// Strength times the solid angle of emission times surface area: the cost of Conty Estevez and Kulla's eq. 1. The angle is that of a cone evenly
-    /// filled by normals of this mean length, (1 + cos) / 2, not that of one which holds all: a few that stray do not matter here.
+    /// Strength times solid angle of emission times surface area: the cost of Conty Estevez and Kulla's eq. 1, with hemispheres about a
+    /// cone of normals that is evenly filled and has a mean of this length, (1 + cos) / 2: that of the cone which holds all takes angles,
+    /// and a few that stray do not matter here. What shines in all directions counts as a full cone.
     pub(super) fn cost(&self, stretch: f32) -> f32 {
         let length = if self.strength > 0.0 { self.moment.length() / self.strength } else { 1.0 };
         let o = (2.0 * length - 1.0).clamp(-1.0, 1.0).acos();
@@ -119,10 +145,12 @@ impl Extent {
 
 impl Bounds {
     pub(super) fn of(e: &EmitterBounds) -> Self {
-        let even = if e.cos_normals <= -1.0 { e.intensity } else { 0.0 };
-        let ((lo, hi), moment) = (e.bounds, e.axis * (e.intensity - even));
+        let even = e.even * e.intensity;
+        let ((lo, hi), n) = (e.bounds, e.axis);
+        let own = e.intensity - even;
+        let second = [n * n * own, Vec3::new(n.y * n.z, n.z * n.x, n.x * n.y) * own];
         Bounds {
-            extent: Extent { lo, hi, strength: e.intensity, moment },
+            extent: Extent { lo, hi, strength: e.intensity, moment: n * own, second },
             cone: Cone { axis: e.axis, cos: e.cos_normals },
             cos_emission: e.cos_emission,
             even,

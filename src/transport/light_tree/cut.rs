@@ -137,13 +137,13 @@ impl<'t> Cut<'t> {
     }
 
     /// Draws a light for each of `u` in turn, as [`Self::sample`] does. All go down the tree at the same time, so that they wait for memory
-    /// together, and those in one node ask for its importance once.
+    /// together, and those in one node ask for its importance once. No more than N.
     pub fn sample_each<const N: usize>(&self, u: impl Iterator<Item = f64>) -> ArrayVec<Option<(Unit, f32)>, N> {
         let mut drawn: ArrayVec<Option<(Unit, f32)>, N> = ArrayVec::new();
         let mut open: ArrayVec<(usize, Draw), N> = ArrayVec::new();
         let share = f64::from(self.share);
         let far = self.tree.units.len() > 1;
-        for u in u.take(N) {
+        for u in u {
             let place = drawn.len();
             drawn.push(None);
             if far && u < share {

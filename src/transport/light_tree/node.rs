@@ -1,20 +1,22 @@
 //! A node of the light tree: the bounds of its children side by side, and their importance at a point.
 //!
 //! Whether anything arrives, bounds decide: the cone of normals and the cone under which the bounding sphere is seen are added as one
-//! angle, by its sine and cosine; no angle is computed. How much, the mean over the lamps tells, whose normals are taken to be spread about their
-//! axis a so that their mean is r a:
+//! angle, by its sine and cosine; no angle is computed. How much, the mean over the lamps tells, with the first two moments of their
+//! normals n along their mean axis a, r = mean of n . a and s = mean of (n . a)^2:
 //!
 //! ```text
-//!   c   = e + (1 - e) (r cos + sqrt((1 - r^3) / 4 + r^3 cos^2)) / 2           mean of (n . w)+, as (x + |x|) / 2
-//!   c_i = (cos_i + sqrt(cos_i^2 + k sin^2)) / 2                               mean of cos_i+ over the ball
+//!   c   = e + (1 - e) (r cos + f sqrt(s cos^2 + (1 - s) / 2 sin^2)) / 2       mean of (n . w)+ = (x + |x|) / 2
+//!   c_i = (cos_i + sqrt(cos_i^2 + k sin_u^2)) / 2                             mean of cos_i+ over the ball
 //! ```
 //!
-//! e: share that goes in all directions alike; cos: between a and the direction w to the point; r shrinks by (1 + cos theta_u) / 2, since w varies over
-//! the ball; theta_u: half the angle under which that is seen, of this sine. Both are right for one small lamp, for lamps that face all ways (1/4), and at
-//! the horizon of a full ball (k). Every lane does the same plain arithmetic without a branch, which
-//! compilers turn into vector instructions, those of AVX2 where the processor has them; it is exact to the last bit with any of them.
+//! e: share that goes in all directions alike; cos: between a and the direction w to the point; the root is that of the mean of (n . w)^2 if
+//! normals lie evenly around a, and f, sqrt(3/4) ... 1, what the mean of |x| is over it. Since w varies over the ball, which is
+//! seen under the half angle u, r is multiplied by (1 + cos u) / 2 and s - 1/3 by cos u (1 + cos u) / 2, as for directions that fill a
+//! cone. Right for one small lamp, for lamps that face all ways (1/4), for any that face two opposite ways. Every lane does the same plain
+//! arithmetic without a branch, which compilers turn into vector instructions, those of AVX2 where the processor has them; it is exact to
+//! the last bit with any of them.
 //!
-//! What a choice among many lamps costs is memory: a node is kept in 292 bytes. Boxes are whole numbers of 65,535 steps of the node's own box,
+//! What a choice among many lamps costs is memory: a node is kept in 300 bytes. Boxes are whole numbers of 65,535 steps of the node's own box,
 //! axes of 32,767 steps of 1, cones the sine of half their angle. Boxes and cones are rounded outwards, from the middle as it is read
 //! back; what rounding of the axis does to a cosine is allowed for where emission ends.
 
@@ -34,8 +36,8 @@ const STEPS: f32 = u16::MAX as f32;
 const SIGNED_STEPS: f32 = i16::MAX as f32;
 /// Steps of shares.
 const SHARES: f32 = u8::MAX as f32;
-/// k: where the middle of a ball seen under a right angle lies on the horizon, the mean of cos_i+ is 3/16 (of points spread evenly in it).
-const FULL_BALL: f32 = 9.0 / 64.0;
+/// k: seen from its border, with the middle on the horizon, a ball of evenly spread points has the mean cos_i+ 8 / (15 pi).
+const FULL_BALL: f32 = 0.1153;
 /// Least mean cosines, so that what is seldom drawn does not weigh too much.
 const LEAST_COS: f32 = 0.01;
 const LEAST_TILT: f32 = 1e-3;
@@ -88,9 +90,10 @@ pub(in crate::transport) struct Node {
     /// Sine of half the angle of the cone of normals.
     half_cone: Short,
     cos_emission: Signed,
-    /// e and r, in parts of [`SHARES`].
+    /// e, r and s, in parts of [`SHARES`].
     even: [u8; WIDTH],
     common: [u8; WIDTH],
+    square: [u8; WIDTH],
     /// Sum of largest intensities.
     pub strength: Lanes,
     /// What the lanes stand for.
@@ -112,6 +115,7 @@ impl Node {
             cos_emission: [0; WIDTH],
             even: [0; WIDTH],
             common: [0; WIDTH],
+            square: [0; WIDTH],
             strength: [0.0; WIDTH],
             children: [Packed::NOTHING; WIDTH],
             parent,
@@ -122,10 +126,10 @@ impl Node {
     pub(super) fn set(&mut self, lane: usize, b: &Bounds, child: Child) {
         // Casts end at the limits of their types.
         let e = &b.extent;
-        // Any axis will do for a cone that holds all directions.
-        let axis = if b.cone.cos <= -1.0 { e.moment.normalize_or(b.cone.axis) } else { b.cone.axis };
-        let common = e.moment.dot(axis) / (e.strength - b.even).max(f32::MIN_POSITIVE);
-        self.common[lane] = (common * SHARES).round() as u8;
+        let cone = b.cone.about(e.moment);
+        let (axis, own) = (cone.axis, (e.strength - b.even).max(f32::MIN_POSITIVE));
+        self.common[lane] = (e.moment.dot(axis) / own * SHARES).round() as u8;
+        self.square[lane] = (e.squares(axis) / own * SHARES).round() as u8;
         self.even[lane] = (b.even / e.strength * SHARES).round() as u8;
         for k in 0..3 {
             let (lo, hi, step) = (e.lo[k], e.hi[k], self.step[k]);
@@ -137,7 +141,7 @@ impl Node {
             }
             self.axis[k][lane] = (axis[k] * SIGNED_STEPS).round() as i16;
         }
-        let half_cone = (0.5 * (1.0 - b.cone.cos)).clamp(0.0, 1.0).sqrt();
+        let half_cone = (0.5 * (1.0 - cone.cos)).clamp(0.0, 1.0).sqrt();
         self.half_cone[lane] = (half_cone * STEPS * (1.0 + 1e-6)).ceil() as u16;
         self.cos_emission[lane] = ((b.cos_emission - AXIS_ROUNDING) * SIGNED_STEPS).floor() as i16;
         self.strength[lane] = e.strength;
@@ -208,9 +212,13 @@ impl Node {
             let within = inside | (sin_both <= 0.0) | (theta >= cos_both);
             let cos = if within { 1.0 } else { beyond };
             let (even, common) = (f32::from(self.even[k]) * (1.0 / SHARES), f32::from(self.common[k]) * (1.0 / SHARES));
-            let r = common * (0.5 + 0.5 * cos_around);
-            let r3 = r * r * r;
-            let lobe = 0.5 * (r * theta + (0.25 * (1.0 - r3) + r3 * theta * theta).sqrt());
+            let square = f32::from(self.square[k]) * (1.0 / SHARES);
+            let blur = 0.5 + 0.5 * cos_around;
+            let s = (square - 1.0 / 3.0) * (cos_around * blur) + 1.0 / 3.0;
+            let f2 = 0.75 + 0.25 * larger(1.5 * s - 0.5, 0.0);
+            let (cos2, r) = (theta * theta, common * blur);
+            let x2 = f2 * (s * cos2 + 0.5 * (1.0 - s) * larger(1.0 - cos2, 0.0));
+            let lobe = 0.5 * (r * theta + x2.sqrt());
             let importance = self.strength[k] * larger(even + (1.0 - even) * lobe, LEAST_COS) * inverse2;
             // Above the plane? A box is above it where its farthest corner is.
             let height = x * n.x + y * n.y + z * n.z;
