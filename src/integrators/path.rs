@@ -80,7 +80,7 @@ impl<'a> Path<'a> {
         rng: &mut Sampler,
         counts: &mut Counts,
     ) -> Rgb {
-        let lit = LitPoint { p: at.p, n: bsdf.upper_normal() };
+        let lit = lit_point(at, bsdf);
         let mut sum = Rgb::ZERO;
         self.lights.sample(&self.world, &lit, rng, |s| {
             let (f, pdf_bsdf) = bsdf.eval_pdf(wo, s.wi, Transport::Radiance);
@@ -104,6 +104,10 @@ impl<'a> Path<'a> {
     }
 }
 
+fn lit_point(at: &SurfacePoint, bsdf: &Bsdf) -> LitPoint {
+    LitPoint { p: at.p, n: bsdf.upper_normal(), matte: bsdf.has_diffuse() }
+}
+
 /// What the camera sees through the middle of some pixels: points that are lit.
 fn probes(world: World, hide_emitters: bool) -> Vec<LitPoint> {
     let scene = world.scene;
@@ -114,7 +118,7 @@ fn probes(world: World, hide_emitters: bool) -> Vec<LitPoint> {
         let pixel = Vec2::new(x as f32 + middle(i % side, width), y as f32 + middle(i / side, height));
         let CameraRay { o, d, tmin, tmax, .. } = scene.camera.ray(pixel, Vec2::splat(0.5));
         let at = world.first_seen(Ray { o, d, tmin, tmax }, hide_emitters)?;
-        Some(LitPoint { p: at.p, n: world.bsdf(&at, -d).upper_normal() })
+        Some(lit_point(&at, &world.bsdf(&at, -d)))
     };
     (0..side * side).filter_map(seen).collect()
 }
@@ -205,7 +209,7 @@ impl Integrator for Path<'_> {
             }
             depth += 1;
             blurred |= scattered.lobe != LobeKind::Specular;
-            let lit = LitPoint { p: at.p, n: bsdf.upper_normal() };
+            let lit = lit_point(&at, &bsdf);
             let from = (scattered.lobe != LobeKind::Specular).then_some(lit);
             previous = Previous { from, pdf_dir: scattered.pdf_dir };
 

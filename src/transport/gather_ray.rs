@@ -308,7 +308,7 @@ pub fn glossy_direct(world: &World, light: &GlossyLight, rng: &mut Sampler, coun
 
 /// A glossy vertex for the choice of a light: the ray that goes on remembers its place alone.
 fn unoriented(p: Vec3) -> LitPoint {
-    LitPoint { p, n: None }
+    LitPoint { p, n: None, matte: false }
 }
 
 /// Radiance that the rest of the material at a glossy vertex scatters from the lamps, by one weighted light sample.

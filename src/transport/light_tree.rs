@@ -49,6 +49,8 @@ pub struct LitPoint {
     pub p: Vec3,
     /// Unit normal, if nothing that comes from below its plane counts.
     pub n: Option<Vec3>,
+    /// Whether what is reflected falls with the cosine to the normal. That of glossy lobes alone does not: near the horizon they are as bright.
+    pub matte: bool,
 }
 
 /// A tree over the lights of a scene.

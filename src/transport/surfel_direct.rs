@@ -138,7 +138,7 @@ fn direct_sample(
     [ux, uy, u_light, _]: [f32; 4],
     counts: &mut RayCounts,
 ) -> Rgb {
-    let at = LitPoint { p: place.p, n: Some(place.n_shade) };
+    let at = LitPoint { p: place.p, n: Some(place.n_shade), matte: true };
     let sample = world.sample_light(&at, u_light, Vec2::new(ux, uy));
     let Some(LightSample { wi, distance, weight, .. }) = sample else { return Rgb::ZERO };
     let cos = wi.dot(place.n_shade);

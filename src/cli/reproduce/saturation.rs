@@ -79,7 +79,7 @@ fn scene(n: usize) -> Result<Scene, Failure> {
 
 fn points() -> Vec<LitPoint> {
     let r = |i: u64, k| unit_f32(hash(0x91, 8 * i + k));
-    (0..POINTS).map(|i| LitPoint { p: Vec3::new(r(i, 1), 0.0, r(i, 2)), n: Some(Vec3::Y) }).collect()
+    (0..POINTS).map(|i| LitPoint { p: Vec3::new(r(i, 1), 0.0, r(i, 2)), n: Some(Vec3::Y), matte: true }).collect()
 }
 
 /// Radiance of a white surface by one light, and its distance; `None` below the horizon.

@@ -44,7 +44,11 @@ fn scene(points: u64, lamps: u64, size: f32) -> Scene {
 
 fn lit(i: u64) -> LitPoint {
     let r = |k| random(9000 + i, k);
-    LitPoint { p: Vec3::new(6.0 * r(1), 0.2 * r(2), 6.0 * r(3)), n: Some(Vec3::new(0.2, 1.0, 0.1).normalize()) }
+    LitPoint {
+        p: Vec3::new(6.0 * r(1), 0.2 * r(2), 6.0 * r(3)),
+        n: Some(Vec3::new(0.2, 1.0, 0.1).normalize()),
+        matte: true,
+    }
 }
 
 fn culling(scene: &Scene, error: f32, kept: u32, reservoir: Reservoir) -> LightCulling<'_> {

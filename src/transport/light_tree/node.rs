@@ -181,6 +181,7 @@ impl Node {
     #[inline(always)]
     pub(super) fn lanes(&self, at: &LitPoint) -> (Lanes, Lanes) {
         let (n, one_sided) = at.n.map_or((Vec3::ZERO, false), |n| (n, true));
+        let tilts = one_sided & at.matte;
         let (mut out, mut distance2) = ([0.0; WIDTH], [0.0; WIDTH]);
         let [sx, sy, sz] = self.step;
         for (k, (out, distance2)) in out.iter_mut().zip(&mut distance2).enumerate() {
@@ -226,7 +227,7 @@ impl Node {
             let rounding = 1e-6 * (x.abs() + y.abs() + z.abs() + hx + hy + hz);
             let cos_i = height * inverse;
             let tilted = larger(0.5 * (cos_i + (cos_i * cos_i + FULL_BALL * sin2).sqrt()), LEAST_TILT);
-            let tilt = if one_sided { tilted } else { 1.0 };
+            let tilt = if tilts { tilted } else { 1.0 };
             let lit =
                 (cos > f32::from(self.cos_emission[k]) * (1.0 / SIGNED_STEPS)) & (!one_sided | (reach > -rounding));
             *out = if lit { importance * tilt } else { 0.0 };

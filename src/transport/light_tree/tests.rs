@@ -63,7 +63,7 @@ fn points(count: u64) -> impl Iterator<Item = LitPoint> {
         let r = |k| random(1000 + i, k);
         let p = Vec3::new(10.0 * r(1), 4.0 * r(2), 10.0 * r(3));
         let n = crate::math::warp::sample_sphere(Vec2::new(r(4), r(5)));
-        LitPoint { p, n: (i % 3 > 0).then_some(n) }
+        LitPoint { p, n: (i % 3 > 0).then_some(n), matte: i % 5 > 0 }
     })
 }
 
@@ -149,6 +149,7 @@ fn importance_is_what_lamps_send_on_average() {
             let at = LitPoint {
                 p: towards * (0.7 + 3.0 * r(3)),
                 n: Some(crate::math::warp::sample_sphere(Vec2::new(r(4), r(5)))),
+                matte: true,
             };
             let sent = |b: &Bounds| {
                 let d = at.p - b.extent.lo;
@@ -237,7 +238,7 @@ fn the_tree_draws_in_proportion_to_what_arrives_better_than_by_strength() {
         .map(|b| f64::from(b.intensity))
         .sum();
     let (mut by_tree, mut by_strength) = (Vec::new(), Vec::new());
-    for at in points(200).filter(|at| at.n.is_some()) {
+    for at in points(200).filter(|at| at.n.is_some()).map(|at| LitPoint { matte: true, ..at }) {
         let mut total = 0.0;
         let (mut tree_moment, mut strength_moment) = (0.0, 0.0);
         for e in 0..scene.lights.emitter_count() as u32 {
@@ -282,7 +283,7 @@ fn a_lamp_next_to_a_point_is_drawn_nearly_always() {
     let strength: f32 = tree.nodes[0].strength.iter().sum();
     let mut probabilities = Vec::new();
     for &(e, p, own) in &places {
-        let at = LitPoint { p: p + Vec3::new(0.004, -0.006, 0.003), n: Some(Vec3::Y) };
+        let at = LitPoint { p: p + Vec3::new(0.004, -0.006, 0.003), n: Some(Vec3::Y), matte: true };
         let cut = tree.cut(&at);
         probabilities.push(cut.pmf(Unit::Emitter(e)));
         assert!((tree.pmf(&at, Unit::Emitter(e)) / cut.pmf(Unit::Emitter(e)) - 1.0).abs() < 1e-5);
@@ -350,7 +351,7 @@ fn cones_hold_what_they_are_made_of() {
 #[test]
 fn no_light_and_lights_without_strength_are_never_drawn() {
     let tree = LightTree::new(&scene(0, false));
-    assert!(tree.units().is_empty() && tree.sample(&LitPoint { p: Vec3::ZERO, n: None }, 0.5).is_none());
+    assert!(tree.units().is_empty() && tree.sample(&LitPoint { p: Vec3::ZERO, n: None, matte: false }, 0.5).is_none());
 }
 
 #[test]
