@@ -17,8 +17,8 @@ type Map = Vec<u8>;
 
 /// A large page.
 const PAGE: usize = 2 << 20;
-/// Below this size an array is left where it is: bytes. It would waste half of its page.
-const SMALLEST: usize = PAGE / 2;
+/// Below this size an array is left where it is: bytes.
+const SMALLEST: usize = PAGE;
 
 /// A read-only array.
 #[derive(Debug)]

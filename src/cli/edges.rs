@@ -96,7 +96,7 @@ pub fn run(args: &EdgesArgs) -> Result<(), Failure> {
     loaded.warnings.iter().for_each(tell);
     let (scene, accel) = args.scene.build(loaded.description)?;
     let settings = Settings { test: args.test.into(), order: usize::from(args.order), ..Settings::default() };
-    let hidden = scene.integrator.hide_emitters && args.score.is_none();
+    let hidden = scene.integrator.hide_emitters && args.score.is_none() && args.emission.is_none();
     let detector = EdgeDetector::with_settings(&scene, &accel, settings).hiding_lamps(hidden);
     let lights = area_lights(&scene);
     let light = |option: &str, k: usize| {

@@ -105,7 +105,7 @@ impl<'a> Path<'a> {
 }
 
 fn lit_point(at: &SurfacePoint, bsdf: &Bsdf) -> LitPoint {
-    LitPoint { p: at.p, n: bsdf.upper_normal(), matte: bsdf.has_diffuse() }
+    LitPoint { p: at.p, n: bsdf.upper_normal(), matte: bsdf.is_matte() }
 }
 
 /// What the camera sees through the middle of some pixels: points that are lit.

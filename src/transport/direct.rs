@@ -133,7 +133,7 @@ impl Vantage {
             (Some(Some(n)), Some(Some(m))) if n == m => Some(n),
             _ => None,
         };
-        Vantage { lit: LitPoint { p: at.p, n, matte: diffuse.is_some() }, stage }
+        Vantage { lit: LitPoint { p: at.p, n, matte: rest.is_none() }, stage }
     }
 }
 

@@ -49,7 +49,8 @@ pub struct LitPoint {
     pub p: Vec3,
     /// Unit normal, if nothing that comes from below its plane counts.
     pub n: Option<Vec3>,
-    /// Whether what is reflected falls with the cosine to the normal. That of glossy lobes alone does not: near the horizon they are as bright.
+    /// Whether what is reflected falls with the cosine to the normal: not so by glossy lobes, which are as bright near the horizon. Light samples and the
+    /// weights of scattered rays have to agree about it.
     pub matte: bool,
 }
 
@@ -76,7 +77,10 @@ impl Infinite {
     /// On the scale of [`Node::importance`]: irradiance.
     fn importance(&self, at: &LitPoint) -> f32 {
         match self {
-            Infinite::Parallel(towards, e) => e * at.n.map_or(1.0, |n| n.dot(*towards).max(0.0)),
+            Infinite::Parallel(towards, e) => {
+                let cos = at.n.map_or(1.0, |n| n.dot(*towards));
+                if cos > 0.0 { e * cos.max(node::least_tilt(at)) } else { 0.0 }
+            }
             Infinite::Environment(radiance) => PI * radiance,
         }
     }

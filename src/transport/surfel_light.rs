@@ -23,7 +23,7 @@ use super::coat::Coat;
 use super::gather_ray::{GlossyLight, RayCounts, light_glossy};
 use super::reached::Reached;
 use super::surfel_direct::{PLACES, Sampled, direct, places_of, samples_needed};
-use super::surfels::{Facet, Surfels};
+use super::surfels::{Facet, LONELY, Surfels};
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec3, warp};
 use rayon::prelude::*;
@@ -195,8 +195,10 @@ impl SurfelLight {
             self.gatherer.push(gatherer);
         }
         self.by_records += self.surfels.len() - first;
-        // In hair and foliage every ray would find a new one: no more than half as many again as rays of records have found.
-        let most = self.by_records * 3 / 2 + FURTHER;
+        // In hair and foliage every ray would find a new one: no more than half as many again as rays of records have found. Where rays share surfels,
+        // up to three for each.
+        let lonely = self.by_records as f32 > LONELY * rays as f32;
+        let mut later = None;
         for generation in 0..MOST_GENERATIONS {
             self.surfels.coarsen(rays);
             let start = self.row_ends.len();
@@ -204,7 +206,12 @@ impl SurfelLight {
                 break;
             }
             self.gatherer.extend(self.gatherer.len() as u32..self.surfels.len() as u32);
-            // From the second generation on: wider neighbourhoods.
+            // From the second generation on: wider neighbourhoods, and not much more than there is.
+            let most = match generation {
+                _ if lonely => self.by_records * 3 / 2 + FURTHER,
+                0 => 2 * rays + FURTHER,
+                _ => *later.get_or_insert(self.surfels.len() * 3 / 2 + FURTHER),
+            };
             self.gather(world, start, with_rows, generation > 0, most);
         }
         self.row_ends.resize(self.surfels.len(), self.entries.len() as u32);

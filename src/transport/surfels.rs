@@ -47,7 +47,7 @@ const CROWD_NORMAL_COS: f32 = 0.3;
 const MANY: usize = 50_000;
 const MORE: f32 = 1.5;
 /// ... if there are more than this share of the gather rays of records: hardly any two rays share one then, ...
-const LONELY: f32 = 0.4;
+pub(super) const LONELY: f32 = 0.4;
 /// ... or more than this whatever the rays: memory and rows have their price.
 const TOO_MANY: usize = 20 * MANY;
 /// Coarse cells over the largest ordinary ones, for places that are to be represented by what there is.

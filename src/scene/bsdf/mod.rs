@@ -277,6 +277,12 @@ impl Bsdf {
         normal
     }
 
+    /// Whether all lobes are diffuse, Dirac lobes excluded.
+    pub fn is_matte(&self) -> bool {
+        self.layers()
+            .all(|l| l.lobe.is_dirac() || matches!(l.lobe, Lobe::Lambert(_) | Lobe::OrenNayar(_) | Lobe::Plastic(_)))
+    }
+
     /// Share of light that passes straight through (weight of the null lobes).
     pub fn straight_through(&self) -> f32 {
         self.layers().filter(|l| matches!(l.lobe, lobe::Lobe::Null)).map(|l| l.weight).sum()

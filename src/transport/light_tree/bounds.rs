@@ -4,6 +4,10 @@ use crate::math::Vec3;
 use crate::scene::light::EmitterBounds;
 use std::f32::consts::{FRAC_PI_2, PI};
 
+/// Length of the mean normal from which on it tells the axis.
+const LONG: f32 = 0.5;
+/// Steps of the power iteration for the axis of the greatest mean square.
+const TURNS: u32 = 8;
 /// Buckets per axis in which splits are looked for.
 const BUCKETS: usize = 12;
 
@@ -122,6 +126,21 @@ impl Extent {
     /// Mean square of the cosine between the axes and the unit vector `a`, times the sum of I.
     pub(super) fn squares(&self, a: Vec3) -> f32 {
         self.second[0].dot(a * a) + 2.0 * self.second[1].dot(Vec3::new(a.y * a.z, a.z * a.x, a.x * a.y))
+    }
+
+    /// The axis of the mean, or where that is short, of the greatest mean square, turned to the side of the mean; not unit, zero if there is none.
+    pub(super) fn axis(&self) -> Vec3 {
+        let [diagonal, [yz, zx, xy]] = self.second.map(|v| v.to_array());
+        if self.moment.length() >= LONG * diagonal.iter().sum::<f32>() {
+            return self.moment;
+        }
+        let rows = [Vec3::new(diagonal[0], xy, zx), Vec3::new(xy, diagonal[1], yz), Vec3::new(zx, yz, diagonal[2])];
+        // From the longest row, which is no right angle away.
+        let longest =
+            rows.into_iter().fold(Vec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
+        let turn = |v: Vec3, _| Vec3::new(rows[0].dot(v), rows[1].dot(v), rows[2].dot(v)).normalize_or_zero();
+        let axis = (0..TURNS).fold(longest.normalize_or_zero(), turn);
+        if axis.dot(self.moment) < 0.0 { -axis } else { axis }
     }
 
     pub(super) fn centre(&self) -> Vec3 {

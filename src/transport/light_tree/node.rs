@@ -2,7 +2,7 @@
 //!
 //! Whether anything arrives, bounds decide: the cone of normals and the cone under which the bounding sphere is seen are added as one
 //! angle, by its sine and cosine; no angle is computed. How much, the mean over the lamps tells, with the first two moments of their
-//! normals n along their mean axis a, r = mean of n . a and s = mean of (n . a)^2:
+//! normals n along their axis a, that of their mean or, where they cancel each other, that along which most of them lie, r = mean of n . a and s = mean of (n . a)^2:
 //!
 //! ```text
 //!   c   = e + (1 - e) (r cos + f sqrt(s cos^2 + (1 - s) / 2 sin^2)) / 2       mean of (n . w)+ = (x + |x|) / 2
@@ -41,8 +41,10 @@ const FULL_BALL: f32 = 0.1153;
 /// Least mean cosines, so that what is seldom drawn does not weigh too much.
 const LEAST_COS: f32 = 0.01;
 const LEAST_TILT: f32 = 1e-3;
+/// Of points with glossy lobes.
+const LEAST_GLOSSY_TILT: f32 = 0.25;
 /// More than a cosine is off by a rounded axis: sqrt(3) / 2 steps.
-const AXIS_ROUNDING: f32 = 4e-5;
+const AXIS_ROUNDING: f32 = 1e-4;
 
 /// What a child is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,7 +128,7 @@ impl Node {
     pub(super) fn set(&mut self, lane: usize, b: &Bounds, child: Child) {
         // Casts end at the limits of their types.
         let e = &b.extent;
-        let cone = b.cone.about(e.moment);
+        let cone = b.cone.about(e.axis());
         let (axis, own) = (cone.axis, (e.strength - b.even).max(f32::MIN_POSITIVE));
         self.common[lane] = (e.moment.dot(axis) / own * SHARES).round() as u8;
         self.square[lane] = (e.squares(axis) / own * SHARES).round() as u8;
@@ -139,7 +141,8 @@ impl Node {
                 let reach = (hi - middle).max(middle - lo);
                 self.half[k][lane] = (reach / step * (1.0 + 1e-6)).ceil() as u16;
             }
-            self.axis[k][lane] = (axis[k] * SIGNED_STEPS).round() as i16;
+            // Towards zero: a longer axis would make the angle to it too small.
+            self.axis[k][lane] = (axis[k] * SIGNED_STEPS) as i16;
         }
         let half_cone = (0.5 * (1.0 - cone.cos)).clamp(0.0, 1.0).sqrt();
         self.half_cone[lane] = (half_cone * STEPS * (1.0 + 1e-6)).ceil() as u16;
@@ -181,7 +184,7 @@ impl Node {
     #[inline(always)]
     pub(super) fn lanes(&self, at: &LitPoint) -> (Lanes, Lanes) {
         let (n, one_sided) = at.n.map_or((Vec3::ZERO, false), |n| (n, true));
-        let tilts = one_sided & at.matte;
+        let least_tilt = least_tilt(at);
         let (mut out, mut distance2) = ([0.0; WIDTH], [0.0; WIDTH]);
         let [sx, sy, sz] = self.step;
         for (k, (out, distance2)) in out.iter_mut().zip(&mut distance2).enumerate() {
@@ -226,8 +229,8 @@ impl Node {
             let reach = height + hx * n.x.abs() + hy * n.y.abs() + hz * n.z.abs();
             let rounding = 1e-6 * (x.abs() + y.abs() + z.abs() + hx + hy + hz);
             let cos_i = height * inverse;
-            let tilted = larger(0.5 * (cos_i + (cos_i * cos_i + FULL_BALL * sin2).sqrt()), LEAST_TILT);
-            let tilt = if tilts { tilted } else { 1.0 };
+            let tilted = larger(0.5 * (cos_i + (cos_i * cos_i + FULL_BALL * sin2).sqrt()), least_tilt);
+            let tilt = if one_sided { tilted } else { 1.0 };
             let lit =
                 (cos > f32::from(self.cos_emission[k]) * (1.0 / SIGNED_STEPS)) & (!one_sided | (reach > -rounding));
             *out = if lit { importance * tilt } else { 0.0 };
@@ -254,6 +257,11 @@ impl Node {
         let of = |k: usize| f32::from(self.half[k][lane]) * self.step[k];
         Vec3::new(of(0), of(1), of(2)).length_squared()
     }
+}
+
+/// Least mean cosine at a point.
+pub(super) fn least_tilt(at: &LitPoint) -> f32 {
+    if at.matte { LEAST_TILT } else { LEAST_GLOSSY_TILT }
 }
 
 /// The larger one, without the care for NaN that `f32::max` takes.
