@@ -1,13 +1,15 @@
 //! The filter of the noise that is left: pixels average those neighbours from which they differ by noise alone.
 //!
-//! Estimate    for every pixel the best of four: itself, and non-local means of three bandwidths ([`super::nl_means`]), by Stein's unbiased
-//!             estimate of their squared error,
+//! Estimate    every pixel c moves towards the best F of non-local means of three bandwidths ([`super::nl_means`]), as far as that is of use by
+//!             Stein's unbiased estimate of the squared error of c + a (F - c),
 //!
 //! ```text
-//! SURE(F) = (F - c)^2 - v + 2 v dF/dc,    dF/dc = share of the pixel itself, and how the weights change with it
+//! SURE(a) = v - 2 a T + a^2 M,    T = v (1 - dF/dc),    M = (F - c)^2,    least at a = T / M, v - T^2 / M
 //! ```
 //!
-//! relative to the picture's brightness, and averaged over squares of pixels (3 to each side)
+//! dF/dc = share of the pixel itself, and how the weights change with it; a at most 1. Both are relative to the picture's brightness and averaged
+//! over squares of pixels (3 to each side), and so are the steps: where noise and structure are alike the one fades into the other, without
+//! patches
 //! Variance    of a sample: the film's, or the median over the neighbours if that is greater: few samples may be alike by luck. Of their mean: that
 //!             over their number, times what stratification leaves of it, which halves of them tell, averaged over squares of pixels. Where
 //!             pixels have one sample, neighbours tell (`second_differences.rs`)
@@ -69,25 +71,59 @@ pub fn denoise(film: &Film) -> Denoised {
         let errors: Vec<f64> = squares.par_iter().enumerate().with_min_len(CHUNK).map(one).collect();
         box_means(&errors, width, AVERAGED)
     };
-    let mut best = averaged(&|i| mean(variance[i]));
-    let mut picture = noisy.clone();
-    let mut own = vec![1.0; picture.len()];
+    let mut best: Vec<Step> = vec![Step::default(); noisy.len()];
     for k in 0..CANDIDATES {
-        let errors = averaged(&|i| sure(noisy[i], variance[i], &candidates[i][k]));
-        for i in 0..picture.len() {
-            if errors[i] < best[i] {
-                (best[i], picture[i], own[i]) = (errors[i], candidates[i][k].color, candidates[i][k].own);
+        let taken = averaged(&|i| taken(variance[i], &candidates[i][k]));
+        let moved = averaged(&|i| moved(noisy[i], &candidates[i][k]));
+        for (best, (taken, moved)) in best.iter_mut().zip(taken.into_iter().zip(moved)) {
+            let step = Step::new(k, taken, moved);
+            if step.gain > best.gain {
+                *best = step;
             }
         }
     }
-    let left = own.iter().zip(&variance).map(|(own, v)| f64::from(own * mean(*v))).collect();
+    let mut picture = noisy.clone();
+    let mut own = vec![1.0f32; noisy.len()];
+    for k in 0..CANDIDATES {
+        let shares: Vec<f64> = best.iter().map(|s| if s.candidate == k { s.length } else { 0.0 }).collect();
+        let shares = box_means(&shares, width, AVERAGED);
+        for (i, share) in shares.into_iter().enumerate().filter(|(_, share)| *share > 0.0) {
+            let (share, to) = (share as f32, &candidates[i][k]);
+            picture[i] += (to.color - noisy[i]) * share;
+            own[i] += (to.own - 1.0) * share;
+        }
+    }
+    let left = own.iter().zip(&variance).map(|(own, v)| f64::from(own.max(0.0) * mean(*v))).collect();
     Denoised { picture, variance: left }
 }
 
-/// Stein's estimate of the squared error of a candidate, mean over the channels.
-fn sure(c: Rgb, v: Rgb, candidate: &Candidate) -> f32 {
+/// How far a pixel moves towards a candidate.
+#[derive(Clone, Copy, Debug, Default)]
+struct Step {
+    candidate: usize,
+    /// a of the way.
+    length: f64,
+    /// By how much that lowers Stein's estimate of the error.
+    gain: f64,
+}
+
+impl Step {
+    /// To `candidate`, from averages of v (1 - dF/dc) and of (F - c)^2.
+    fn new(candidate: usize, taken: f64, moved: f64) -> Self {
+        let length = if taken > 0.0 { (taken / moved.max(f64::MIN_POSITIVE)).min(1.0) } else { 0.0 };
+        Step { candidate, length, gain: length * (2.0 * taken - length * moved) }
+    }
+}
+
+/// Covariance of the noise and of what a candidate takes away, mean over the channels.
+fn taken(v: Rgb, candidate: &Candidate) -> f32 {
+    mean(v) * (1.0 - candidate.derivative)
+}
+
+/// Square of what a candidate takes away.
+fn moved(c: Rgb, candidate: &Candidate) -> f32 {
     let moved = candidate.color - c;
-    mean(moved * moved - v + v * (2.0 * candidate.derivative))
+    mean(moved * moved)
 }
 
 /// Variance of the mean of each pixel.
@@ -236,12 +272,23 @@ mod tests {
             let (mut error, mut estimate) = (0.0, 0.0);
             for (i, c) in candidates.iter().enumerate() {
                 error += (c[k].color.x - ramp(i as u32 % SIDE, i as u32 / SIDE)).powi(2);
-                estimate += sure(noisy[i], variance[i], &c[k]);
+                estimate += mean(variance[i]) - 2.0 * taken(variance[i], &c[k]) + moved(noisy[i], &c[k]);
             }
             let n = noisy.len() as f32;
             // Both in units of the variance; the mean of (F - c)^2 - v alone is noisy by sqrt(2 / n).
             let (error, estimate) = (error / n / 0.01, estimate / n / 0.01);
             assert!((error - estimate).abs() < 0.06 + 0.15 * error, "{k}: {estimate} for {error}");
+        }
+    }
+
+    #[test]
+    fn steps_are_as_long_as_noise_is_of_what_they_take_away() {
+        // Noise alone; noise and three times as much structure; less moved than noise explains; nothing to be won.
+        for (taken, moved, length) in [(0.9, 0.9, 1.0), (0.5, 2.0, 0.25), (0.9, 0.5, 1.0), (-0.1, 1.0, 0.0)] {
+            let step = Step::new(0, taken, moved);
+            let estimate = |a: f64| 1.0 - 2.0 * a * taken + a * a * moved;
+            assert!((step.length - length).abs() < 1e-12 && (1.0 - step.gain - estimate(length)).abs() < 1e-12);
+            assert!([0.0, 0.2, 0.5, 1.0].iter().all(|a| estimate(*a) >= estimate(length) - 1e-12), "{taken} {moved}");
         }
     }
 
