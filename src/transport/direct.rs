@@ -21,6 +21,7 @@ mod sampled;
 #[cfg(test)]
 mod tests;
 
+use super::glossy_guide::Rest;
 use super::light_tree::{LightTree, LitPoint, Unit};
 use super::{World, power_heuristic};
 use crate::edge::{EdgeDetector, light::Lamp};
@@ -178,7 +179,7 @@ impl Direct<'_> {
 struct Point<'a> {
     at: &'a SurfacePoint,
     diffuse: Option<&'a Bsdf>,
-    rest: Option<&'a Bsdf>,
+    rest: Option<Rest<'a>>,
     wo: Vec3,
     vantage: Vantage,
 }
@@ -231,19 +232,20 @@ impl<'a> Direct<'a> {
         &self,
         at: &SurfacePoint,
         diffuse: Option<&Bsdf>,
-        rest: Option<&Bsdf>,
+        rest: Option<Rest>,
         wo: Vec3,
         stage: Stage,
         rng: &mut Sampler,
         counts: &mut DirectCounts,
     ) -> Rgb {
         // Dirac lobes meet lights by scattering only.
-        let rest = rest.filter(|r| !r.is_delta());
+        let rest = rest.filter(|r| !r.bsdf.is_delta());
         if (diffuse.is_none() && rest.is_none()) || self.tree.units().is_empty() {
             return Rgb::ZERO;
         }
         counts.points += 1;
-        let point = Point { at, diffuse, rest, wo, vantage: Vantage::new(at, diffuse, rest, stage) };
+        let vantage = Vantage::new(at, diffuse, rest.map(|r| r.bsdf), stage);
+        let point = Point { at, diffuse, rest, wo, vantage };
         match self.settings.sampling {
             LightSampling::Adaptive if stage == Stage::First => self.adaptive(&point, rng, counts),
             LightSampling::Full => {

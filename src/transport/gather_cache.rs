@@ -285,25 +285,29 @@ impl GatherCache {
             .map(|chunk| {
                 let mut radiance = vec![Rgb::ZERO; n];
                 let estimate = |&record: &usize| {
-                    for (l, hit) in radiance.iter_mut().zip(self.hits(record)) {
-                        *l = hit.weight * light.by(hit.reached) * FRAC_1_PI;
-                    }
-                    let range = record * n..(record + 1) * n;
-                    let from = self.glossy.partition_point(|(i, _)| (*i as usize) < range.start);
-                    let glossy = self.glossy[from..].iter().zip(&self.scattered[from.min(self.scattered.len())..]);
-                    for ((i, _), l) in glossy.take_while(|((i, _), _)| (*i as usize) < range.end) {
-                        radiance[*i as usize - range.start] += *l;
-                    }
-                    self.guided.add(record, range.clone(), light, &mut radiance);
-                    if let Some(sky) = self.sky.get(range.clone()) {
-                        radiance.iter_mut().zip(sky).for_each(|(l, sky)| *l += *sky);
-                    }
-                    self.strata.estimate(&radiance, &self.depths[range])
+                    self.radiance(record, light, &mut radiance);
+                    self.strata.estimate(&radiance, &self.depths[record * n..][..n])
                 };
                 chunk.iter().map(estimate).collect()
             })
             .collect();
         chunks.into_iter().flatten().collect()
+    }
+
+    /// Radiance of each cell of a record under the light of the surfels, times what a coat makes of it.
+    pub fn radiance(&self, record: usize, light: &SurfelLight, radiance: &mut [Rgb]) {
+        let n = self.strata.len();
+        for (l, hit) in radiance.iter_mut().zip(self.hits(record)) {
+            *l = hit.weight * light.by(hit.reached) * FRAC_1_PI;
+        }
+        let range = record * n..(record + 1) * n;
+        let from = self.glossy.partition_point(|(i, _)| (*i as usize) < range.start);
+        let glossy = self.glossy[from..].iter().zip(&self.scattered[from.min(self.scattered.len())..]);
+        for ((i, _), l) in glossy.take_while(|((i, _), _)| (*i as usize) < range.end) {
+            radiance[*i as usize - range.start] += *l;
+        }
+        self.guided.add(record, range, light, radiance);
+        radiance.iter_mut().zip(self.sky(record)).for_each(|(l, sky)| *l += *sky);
     }
 
     /// What a unit of the irradiance of surfels brings to a record.

@@ -10,7 +10,7 @@
 //! * [`antialias`]: which pixels need several samples
 //! * [`irradiance_cache`]: indirect diffuse light by records and interpolation; its parts are
 //!   [`gather_ray`] (one ray over specular surfaces), [`surfels`] (clusters of hits) with [`surfel_light`] (their
-//!   irradiance) and [`surfel_direct`] (the direct part of it), [`gather_sky`] (light of a soft sky), [`bright_patches`] and [`guided_rays`] (what few of them find), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits),
+//!   irradiance) and [`surfel_direct`] (the direct part of it), [`gather_sky`] (light of a soft sky), [`bright_patches`] and [`guided_rays`] (what few of them find), [`gather_strata`] (directions, derivatives), [`gather_cache`] (stored hits), [`glossy_guide`] (what these tell glossy lobes),
 //!   [`cache_record`] (radii and weights), [`riser`] (what stands between), [`sphere_octree`] (look-up), [`cache_placement`] (places for it all over a scene),
 //!   [`cache_file`], [`fingerprint`] (what a file belongs to), [`cache_inspect`] (what a look-up rests on)
 //! * [`vpl`]: virtual point lights from photons; [`vpl_tree`]: groups of them; [`visibility`]: what a few points see of them;
@@ -36,6 +36,7 @@ mod gather_hit;
 pub mod gather_ray;
 pub mod gather_sky;
 pub mod gather_strata;
+pub mod glossy_guide;
 pub mod guided_rays;
 pub mod irradiance_cache;
 pub mod light_cull;

@@ -25,6 +25,7 @@ use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::direct::{Direct, Found, Vantage};
+use crate::transport::glossy_guide::Rest;
 use crate::transport::photon_map::{Filter, GlobalMap};
 use crate::transport::strategies::{ManyLights, Receiver, Tally};
 use crate::transport::vpl::left_out;
@@ -243,7 +244,8 @@ impl Eye<'_> {
         let sampled = rest.filter(|r| !(r.is_delta() || self.brings_rest(&b.came) || self.is_covered(&b.came, r)));
         if (diffuse.is_some() || sampled.is_some()) && self.shows(b) {
             let stage = stage(b.blurred, b.depth);
-            let mut light = |direct: &Direct, diffuse, sampled| {
+            let mut light = |direct: &Direct, diffuse, sampled: Option<&Bsdf>| {
+                let sampled = sampled.map(Rest::from);
                 direct.radiance(at, diffuse, sampled, wo, stage, sample.rng, &mut sample.counts.direct)
             };
             let light = match self.rest_of_lights {

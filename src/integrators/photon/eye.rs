@@ -24,6 +24,7 @@
 //! Verified by tests/furnace.rs and tests/photon.rs: agreement with the path tracer, part by part.
 
 mod gap;
+mod glossy;
 
 use super::settings::{Indirect, Parts, PhotonSettings};
 use crate::accel::Ray;
@@ -34,6 +35,7 @@ use crate::math::{ResidualRoulette, Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::direct::{Direct, Found, Vantage};
+use crate::transport::glossy_guide::{Guide, Rest};
 use crate::transport::photon_map::{Filter, GlobalMap};
 use crate::transport::surfels::Facet;
 use crate::transport::{CausticMap, IrradianceCache, MAX_PASSED_SURFACES, World, nearly_specular};
@@ -44,10 +46,6 @@ use std::f32::consts::FRAC_1_PI;
 const CHECK: f32 = 0.25;
 /// Number of further bounces up to which one more or less is seen.
 const MATTERS: u32 = 5;
-
-/// Greatest density per solid angle with which a glossy lobe sends rays that may end on surfels: their cells span a hundredth of a
-/// steradian (`surfels::CELL_PER_DISTANCE`), and the lobe is to cover several.
-const WIDE: f32 = 25.0;
 
 /// All that an eye path asks.
 pub struct Eye<'a> {
@@ -70,7 +68,7 @@ enum Came {
     /// From the camera or a Dirac lobe: an emitter counts in full.
     Plain,
     /// From a glossy lobe: light sampling could have found the emitter.
-    Glossy { from: Vantage, pdf_dir: f32 },
+    Glossy { from: Vantage, pdf_dir: f32, wide: bool },
     /// From a diffuse part: emitters are counted there, by light samples and caustic photons, all but a sky that is gathered.
     Diffuse,
     /// By nearly specular surfaces from a diffuse part.
@@ -109,6 +107,8 @@ struct End<'s> {
     diffuse: Option<&'s Bsdf>,
     /// The other part.
     rest: Option<&'s Bsdf>,
+    /// What the cache knows of the light that it reflects.
+    guide: Option<&'s Guide<'s>>,
     /// Whether the path may not get longer.
     last: bool,
     /// Length of the ray.
@@ -225,7 +225,9 @@ impl Eye<'_> {
             return;
         }
         let (diffuse, rest) = bsdf.split();
-        let end = End { at: &at, wo, diffuse: diffuse.as_ref(), rest: rest.as_ref(), last, distance: hit.t };
+        let guide = rest.as_ref().filter(|_| !last).and_then(|rest| self.guide(&b, &at, rest, wo));
+        let (diffuse, rest, guide) = (diffuse.as_ref(), rest.as_ref(), guide.as_ref());
+        let end = End { at: &at, wo, diffuse, rest, guide, last, distance: hit.t };
         let unknown = if last { 0.0 } else { self.reflected(&b, &end, sample) };
         self.go_on(b, &end, unknown, sample);
     }
@@ -234,7 +236,7 @@ impl Eye<'_> {
     fn weight(&self, b: &Branch, found: Found) -> f32 {
         match &b.came {
             Came::Plain => 1.0,
-            Came::Glossy { from, pdf_dir } => self.direct.weight_of_scattered(from, *pdf_dir, found),
+            Came::Glossy { from, pdf_dir, .. } => self.direct.weight_of_scattered(from, *pdf_dir, found),
             Came::Diffuse => f32::from(u8::from(self.sky && matches!(found, Found::Environment(_)))),
             Came::Covered => 0.0,
         }
@@ -263,7 +265,7 @@ impl Eye<'_> {
             let light = self.direct.radiance(
                 at,
                 diffuse,
-                sampled,
+                sampled.map(|bsdf| Rest { bsdf, guide: end.guide }),
                 wo,
                 stage(b.blurred, b.depth),
                 sample.rng,
@@ -320,7 +322,7 @@ impl Eye<'_> {
 
     /// Whole irradiance at the end of a ray that stands for many directions, if the cache knows it.
     fn at_surfel(&self, b: &Branch, end: &End) -> Option<Rgb> {
-        let wide = b.indirect || matches!(b.came, Came::Glossy { pdf_dir, .. } if pdf_dir < WIDE);
+        let wide = b.indirect || matches!(b.came, Came::Glossy { wide: true, .. });
         let parts = self.parts();
         let all = parts.direct && parts.caustic && parts.indirect;
         let too_deep = b.depth > 1 && self.has_too_many_bounces(b.depth);
@@ -361,6 +363,10 @@ impl Eye<'_> {
             }
         }
         let Some(rest) = rest else { return };
+        if let Some(guide) = end.guide {
+            self.send_guided(&b, end, (rest, guide), shares[1], sample);
+            return;
+        }
         for s in &directions(rest, end.wo, (u_lobe, u), crowded) {
             let covered = matches!(b.came, Came::Diffuse | Came::Covered) && self.caustics.is_some();
             let came = match s.lobe {
@@ -368,10 +374,7 @@ impl Eye<'_> {
                 LobeKind::Specular if covered => Came::Covered,
                 LobeKind::Specular => Came::Plain,
                 _ if self.is_covered(&b.came, rest) => Came::Covered,
-                _ => {
-                    let from = Vantage::new(end.at, end.diffuse, end.rest, stage(b.blurred, b.depth));
-                    Came::Glossy { from, pdf_dir: s.pdf_dir }
-                }
+                _ => self.came_glossy(&b, end, s.pdf_dir, s.pdf_dir),
             };
             self.push(&b, end, s, (shares[1], u_roulette), came, sample);
         }

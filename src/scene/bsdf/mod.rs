@@ -283,6 +283,11 @@ impl Bsdf {
             .all(|l| l.lobe.is_dirac() || matches!(l.lobe, Lobe::Lambert(_) | Lobe::OrenNayar(_) | Lobe::Plastic(_)))
     }
 
+    /// Whether a lobe is a Dirac or null lobe.
+    pub fn has_dirac_lobe(&self) -> bool {
+        self.layers().any(|l| l.lobe.is_dirac() || matches!(l.lobe, Lobe::Null))
+    }
+
     /// Share of light that passes straight through (weight of the null lobes).
     pub fn straight_through(&self) -> f32 {
         self.layers().filter(|l| matches!(l.lobe, lobe::Lobe::Null)).map(|l| l.weight).sum()

@@ -126,7 +126,7 @@ impl Point<'_> {
     /// f |cos| of the rest times its weight.
     pub(super) fn rest_reflected(&self, s: &LightSample, nominal: f32) -> Rgb {
         let Some(rest) = self.rest else { return Rgb::ZERO };
-        let (f, pdf) = rest.eval_pdf(self.wo, s.wi, Transport::Radiance);
+        let (f, pdf) = rest.eval_pdf(self.wo, s.wi);
         if s.pdf_dir == 0.0 { f } else { f * power_heuristic(nominal * s.pdf_dir, pdf) }
     }
 }

@@ -89,7 +89,8 @@ fn pixel(direct: &Direct, x: u32, y: u32, seed: u64, scattered_weight: impl Fn(f
     }
     let wo = -ray.d;
     let (diffuse, rest) = direct.world.bsdf(&at, wo).split();
-    let mut sum = direct.radiance(&at, diffuse.as_ref(), rest.as_ref(), wo, Stage::First, &mut rng, &mut counts);
+    let mut sum =
+        direct.radiance(&at, diffuse.as_ref(), rest.as_ref().map(Rest::from), wo, Stage::First, &mut rng, &mut counts);
     let Some(rest) = rest else { return (sum, counts) };
     let vantage = Vantage::new(&at, diffuse.as_ref(), Some(&rest).filter(|r| !r.is_delta()), Stage::First);
     let [a, b, c, _] = rng.next_4d();
@@ -241,8 +242,15 @@ fn at_floor(body: &str, p: Vec3, n: Vec3) -> (Rgb, DirectCounts) {
     let at = world.surface(&ray, &accel.closest(&ray).expect("a receiver"));
     let (diffuse, rest) = world.bsdf(&at, n).split();
     let mut counts = DirectCounts::default();
-    let value =
-        direct.radiance(&at, diffuse.as_ref(), rest.as_ref(), n, Stage::First, &mut Sampler::new(1, 2, 3), &mut counts);
+    let value = direct.radiance(
+        &at,
+        diffuse.as_ref(),
+        rest.as_ref().map(Rest::from),
+        n,
+        Stage::First,
+        &mut Sampler::new(1, 2, 3),
+        &mut counts,
+    );
     (value, counts)
 }
 
@@ -310,7 +318,7 @@ fn weights_of_a_direction_add_up_to_one() {
                     if scene.lights.emitter_at(&lamp) != Some(e) || f.min_element() <= 0.0 {
                         continue;
                     }
-                    let point = Point { at: &at, diffuse: None, rest: Some(&rest), wo, vantage };
+                    let point = Point { at: &at, diffuse: None, rest: Some(Rest::from(&rest)), wo, vantage };
                     let drawn = direct.expected_draws(&vantage, Unit::Emitter(e));
                     let by_light = point.rest_reflected(&s, direct.nominal(vantage.stage, drawn)) / f;
                     let by_scatter = direct.weight_of_scattered(&vantage, pdf, Found::Lamp(&lamp));
