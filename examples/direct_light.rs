@@ -13,6 +13,7 @@ use dualux::scene::{Scene, Transport};
 use dualux::transport::World;
 use dualux::transport::antialias::{self, Causes};
 use dualux::transport::direct::{Direct, DirectCounts, DirectSettings, Found, LightSampling, Stage, Vantage};
+use dualux::transport::glossy_guide::Rest;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -27,7 +28,8 @@ fn sample(direct: &Direct, world: World, x: u32, y: u32, rng: &mut Sampler, coun
         let wo = -ray.d;
         let (diffuse, rest) = world.bsdf(&at, wo).split();
         let stage = Stage::First;
-        sum += throughput * direct.radiance(&at, diffuse.as_ref(), rest.as_ref(), wo, stage, rng, counts);
+        sum +=
+            throughput * direct.radiance(&at, diffuse.as_ref(), rest.as_ref().map(Rest::from), wo, stage, rng, counts);
         let Some(rest) = rest else { break };
         let vantage = Vantage::new(&at, diffuse.as_ref(), Some(&rest), stage);
         let [a, b, c, _] = rng.next_4d();

@@ -7,7 +7,7 @@
 //! SURE(a) = v - 2 a T + a^2 M,    T = v (1 - dF/dc),    M = (F - c)^2,    least at a = T / M, v - T^2 / M
 //! ```
 //!
-//! dF/dc = share of the pixel itself, and how the weights change with it; a is a little longer ([`FARTHER`]), at most 1. Both are relative to the picture's brightness and averaged
+//! dF/dc = share of the pixel itself, and how the weights change with it; a is a little longer (`FARTHER`), at most 1. Both are relative to the picture's brightness and averaged
 //! over squares of pixels (3 to each side), and so are the steps: where noise and structure are alike the one fades into the other, without
 //! patches
 //! Variance    of a sample: the film's, or the median over the neighbours if that is greater: few samples may be alike by luck. Of their mean: that

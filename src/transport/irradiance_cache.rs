@@ -30,6 +30,7 @@
 //! cache.refine(0.5 * error);                        // a later pass: smaller radii; fill again, then finish
 //! ```
 
+mod glossy;
 mod growth;
 
 use super::World;
@@ -39,14 +40,13 @@ use super::cache_record::{BORDER, Record};
 use super::cache_settings::{CacheSettings, CacheStatistics, Place};
 use super::gather_cache::GatherCache;
 use super::gather_ray::RayCounts;
-use super::glossy_guide::{self, GlossyGuides, Guide};
+use super::glossy_guide::GlossyGuides;
 use super::sightings::Sightings;
 use super::sphere_octree::SphereOctree;
 use super::surfel_light::{HitLight, SurfelLight, SurfelSettings};
 use super::surfels::Facet;
 use crate::math::sampler::hash;
 use crate::math::{Frame, Rgb, Sampler, Vec3, luminance, warp};
-use crate::scene::Bsdf;
 use growth::is_smallest;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -181,19 +181,6 @@ impl<'a> IrradianceCache<'a> {
         (weights > 0.0).then(|| sum / weights)
     }
 
-    /// What the nearest record tells the glossy lobes of `bsdf` at a point, seen from the unit vector `wo`.
-    pub fn guide(&self, at: &Facet, bsdf: &Bsdf, wo: Vec3) -> Option<Guide<'_>> {
-        let mut nearest = (BORDER, None);
-        if !self.guides.is_empty() {
-            self.tree.containing(at.p, |id| {
-                let d = self.records[id as usize].distance(at.p, at.n_shade, at.n_geo);
-                nearest = d.filter(|d| *d < nearest.0).map_or(nearest, |d| (d, Some(id)));
-                true
-            });
-        }
-        self.guides.guide(&self.gather, nearest.1? as usize, bsdf, wo)
-    }
-
     /// Whole irradiance (direct, caustic and indirect) as gather rays read it, at the end of a ray whose last part, after mirrors and glass, is of
     /// length `distance`; `None` where no surfel stands for the place. For rays that come from all of a hemisphere or a wide lobe.
     pub fn at_hit(&self, at: &Facet, distance: f32) -> Option<Rgb> {
@@ -287,9 +274,7 @@ impl<'a> IrradianceCache<'a> {
             self.update();
         }
         self.index();
-        if let Some(light) = self.light.as_ref().filter(|_| glossy_guide::is_of_use(&self.world.scene.materials)) {
-            self.guides = GlossyGuides::new(&self.world, &self.gather, light);
-        }
+        self.learn_guides();
     }
 
     /// Evaluates all records under the light of the surfels as it is.
@@ -328,6 +313,7 @@ impl<'a> IrradianceCache<'a> {
             if self.sharpen() {
                 self.resize();
             }
+            self.learn_guides();
         }
     }
 
