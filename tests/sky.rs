@@ -6,8 +6,9 @@ mod common;
 
 use common::*;
 use dualux::accel::Accel;
+use dualux::image::film::PixelSums;
 use dualux::integrators::path::PathSettings;
-use dualux::integrators::photon::PhotonSettings;
+use dualux::integrators::photon::{Parts, PhotonSettings};
 use dualux::math::{DMat4, DVec3, Rgb};
 use dualux::scene::description::*;
 use dualux::scene::{Description, Material, Scene};
@@ -67,6 +68,23 @@ fn polished(scene: &mut Description) -> MaterialId {
         roughness: rough(0.45),
     };
     material(scene, coated)
+}
+
+/// Mean relative variance of a camera sample in a room whose polished floor mirrors the window.
+fn noise(parts: Parts) -> f64 {
+    let view = [DVec3::new(-0.9, -0.3, 0.3), DVec3::new(0.3, -1.0, 0.2)];
+    let settings = PhotonSettings { adaptive_sampling: false, parts, ..PhotonSettings::default() };
+    let done = render_photon(room_on(0.8, view, polished), settings, 64);
+    let relative = |p: &PixelSums| p.variance()[0] * f64::from(p.count()) / p.mean()[0].powi(2).max(1e-6);
+    let all: Vec<f64> = done.film.pixels().iter().map(relative).collect();
+    all.iter().sum::<f64>() / all.len() as f64
+}
+
+#[test]
+fn records_calm_what_polished_floors_reflect() {
+    // Without indirect light there are no records.
+    let [guided, alone] = [true, false].map(|indirect| noise(Parts { indirect, ..Parts::default() }));
+    assert!(guided < 0.3 * alone, "{guided} {alone}");
 }
 
 #[test]

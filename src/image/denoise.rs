@@ -86,17 +86,24 @@ pub fn denoise(film: &Film) -> Denoised {
         }
     }
     let mut picture = noisy.clone();
-    let mut own = vec![1.0f32; noisy.len()];
+    // Shares of the way, and of the pixels themselves in the averages there.
+    let mut ways = vec![[0.0f32; 2]; noisy.len()];
     for k in 0..CANDIDATES {
         let shares: Vec<f64> = best.iter().map(|s| if s.candidate == k { s.length } else { 0.0 }).collect();
         let shares = box_means(&shares, width, AVERAGED);
         for (i, share) in shares.into_iter().enumerate().filter(|(_, share)| *share > 0.0) {
             let (share, to) = (share as f32, &candidates[i][k]);
             picture[i] += (to.color - noisy[i]) * share;
-            own[i] += (to.own - 1.0) * share;
+            ways[i][0] += share;
+            ways[i][1] += share * to.own;
         }
     }
-    let left = own.iter().zip(&variance).map(|(own, v)| f64::from(own.max(0.0) * mean(*v))).collect();
+    let left = ways.iter().zip(&variance).map(|([way, own], v)| {
+        // (1 - a)^2 of itself, 2 a (1 - a) of both, a^2 of the average, of which both and the average have the pixel's share in common.
+        let stays = (1.0 - way) * (1.0 - way) + (2.0 - way) * own;
+        f64::from(stays * mean(*v))
+    });
+    let left = left.collect();
     Denoised { picture, variance: left }
 }
 

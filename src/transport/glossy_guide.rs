@@ -6,14 +6,14 @@
 //! ```text
 //!   P_c  ~ f(wo, d_c) cos (L_c - L_o) Omega_c       of the bright cells c, d_c: their middles; L_o: mean radiance of all others
 //!   p    = s P_c(d) p_c(d) + (1 - s) p_lobe(d)      p_c = n cos / pi: uniform in the measure in which a record has n cells
-//!   s    = S / (S + albedo L_o),  S = sum f cos (L_c - L_o) Omega_c         at most [`MOST`]: the share of what the lobe reflects
+//!   s    = S / (S + albedo L_o),  S = sum f cos (L_c - L_o) Omega_c         at most 3/4: the share of what the lobe reflects
 //! ```
 //!
-//! If the record is right, p goes with f cos L.
+//! If the record is right, p goes with f cos L. Its radiances contain what a coat makes of them for the diffuse part (`coat.rs`).
 //! Source      Jensen 1995, "Importance Driven Path Tracing using the Photon Map" (what was found before tells where to look); the mixture is the
 //!             one-sample model of Veach & Guibas 1995
 //! Bias        none: p > 0 wherever the lobe is. Where the record is wrong, by parallax or noise, variance grows
-//! Not handled lobes narrower than a cell (they find what they look at by themselves); surfaces without records
+//! Not handled lobes much narrower than a cell (they find what they look at by themselves); surfaces without records; transmission
 //! Verified by `tests`
 
 use super::World;
@@ -21,6 +21,8 @@ use super::gather_cache::GatherCache;
 use super::gather_strata::Strata;
 use super::surfel_light::SurfelLight;
 use crate::math::{Frame, Rgb, Vec2, Vec3, luminance};
+use crate::scene::description::MaterialId;
+use crate::scene::material::has_sharp_lobe;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, Material, Transport};
 use arrayvec::ArrayVec;
 use rayon::prelude::*;
@@ -34,7 +36,7 @@ const CELLS: usize = 64;
 const MOST: f32 = 0.75;
 /// Share below which it is not asked.
 const LEAST: f32 = 0.1;
-/// Greatest share of a lobe that may fit in a cell.
+/// Greatest density of a lobe over that within a cell.
 const NARROW: f32 = 4.0;
 /// Records of a task.
 const CHUNK: usize = 64;
@@ -57,11 +59,17 @@ pub struct GlossyGuides {
     begins: Vec<u32>,
     /// Mean luminance of the other cells of each.
     dim: Vec<f32>,
+    /// Mean luminance of all cells.
+    level: Vec<f32>,
 }
 
 /// What a record tells a lobe.
 #[derive(Clone, Debug)]
 pub struct Guide<'a> {
+    /// Number of directions that are drawn: what p counts against light samples.
+    pub rays: u32,
+    /// Luminance that the lobe reflects, and that of a white diffuse surface, if the record is right.
+    pub reflected: [f32; 2],
     strata: &'a Strata,
     frame: Frame,
     cells: &'a [BrightCell],
@@ -85,13 +93,27 @@ pub fn is_of_use(materials: &[Material]) -> bool {
     materials.iter().any(|m| matches!(m, Material::RoughPlastic { .. } | Material::Blend { .. }))
 }
 
+/// For each material: whether it is anything but diffuse.
+fn has_lobes(materials: &[Material]) -> Vec<bool> {
+    (0..materials.len()).map(|id| has_sharp_lobe(materials, id as MaterialId, f32::INFINITY)).collect()
+}
+
 impl GlossyGuides {
     /// Of the records of `gather` under the light of the surfels.
     pub fn new(world: &World, gather: &GatherCache, light: &SurfelLight) -> Self {
         let records: Vec<usize> = (0..gather.len()).collect();
+        let scene = world.scene;
+        let has_lobes = has_lobes(&scene.materials);
+        let asks = |record: usize| {
+            let shape = scene.shapes.get(gather.places()[record].shape as usize);
+            shape.is_some_and(|s| has_lobes[s.material as usize])
+        };
         let of = |chunk: &[usize]| {
             let mut radiance = vec![Rgb::ZERO; gather.strata.len()];
             let one = |&record: &usize| {
+                if !asks(record) {
+                    return ([0.0; 2], Vec::new());
+                }
                 gather.radiance(record, light, &mut radiance);
                 let mut levels: Vec<f32> = radiance.iter().map(|l| luminance(*l)).collect();
                 add_sky(world, gather, record, &mut levels);
@@ -99,10 +121,11 @@ impl GlossyGuides {
             };
             chunk.iter().map(one).collect::<Vec<_>>()
         };
-        let found: Vec<Vec<(f32, ArrayVec<BrightCell, CELLS>)>> = records.par_chunks(CHUNK).map(of).collect();
+        let found: Vec<Vec<([f32; 2], Vec<BrightCell>)>> = records.par_chunks(CHUNK).map(of).collect();
         let mut guides = GlossyGuides { begins: vec![0], ..GlossyGuides::default() };
-        for (dim, cells) in found.into_iter().flatten() {
+        for ([dim, level], cells) in found.into_iter().flatten() {
             guides.dim.push(dim);
+            guides.level.push(level);
             guides.cells.extend(cells);
             guides.begins.push(guides.cells.len() as u32);
         }
@@ -122,9 +145,11 @@ impl GlossyGuides {
             return None;
         }
         let (frame, n) = (gather.frame(record), gather.strata.len() as f32);
-        let mirrored = frame.n * (2.0 * frame.n.dot(wo)) - wo;
+        // Where there is none light comes from below as well.
+        let normal = bsdf.upper_normal()?;
+        let mirrored = normal * (2.0 * normal.dot(wo)) - wo;
         let peak = bsdf.pdf_dir(wo, mirrored);
-        if peak * PI > NARROW * n * frame.n.dot(wo) {
+        if peak * PI > NARROW * n * normal.dot(wo) || bsdf.has_dirac_lobe() {
             return None;
         }
         let mut sum = 0.0;
@@ -135,10 +160,21 @@ impl GlossyGuides {
                 sum
             })
             .collect();
-        let share = (sum / (sum + luminance(bsdf.albedo(wo)) * self.dim[record])).min(MOST);
-        // Not for NaN either.
-        let useful = share >= LEAST && sum.is_finite() && !bsdf.has_dirac_lobe();
-        useful.then_some(Guide { strata: &gather.strata, frame, cells, sums, share })
+        let reflected = sum + luminance(bsdf.albedo(wo)) * self.dim[record];
+        // Nothing is reflected from behind, and where a coat is black.
+        if !(sum > 0.0 && reflected.is_finite() && sum >= LEAST * reflected) {
+            return None;
+        }
+        let share = (sum / reflected).min(MOST);
+        Some(Guide {
+            rays: 1,
+            reflected: [reflected, self.level[record]],
+            strata: &gather.strata,
+            frame,
+            cells,
+            sums,
+            share,
+        })
     }
 }
 
@@ -158,8 +194,8 @@ fn add_sky(world: &World, gather: &GatherCache, record: usize, levels: &mut [f32
     outside.iter().for_each(|&i| levels[i] += median);
 }
 
-/// Mean of the dim cells, and the bright ones in the order of their indices.
-fn bright_cells(strata: &Strata, frame: &Frame, levels: &[f32]) -> (f32, ArrayVec<BrightCell, CELLS>) {
+/// Means of the dim cells and of all, and the bright ones in the order of their indices.
+fn bright_cells(strata: &Strata, frame: &Frame, levels: &[f32]) -> ([f32; 2], Vec<BrightCell>) {
     let n = levels.len() as f32;
     let mean = levels.iter().sum::<f32>() / n;
     let mut bright: Vec<usize> = (0..levels.len()).filter(|&i| levels[i] > BRIGHT * mean).collect();
@@ -175,7 +211,7 @@ fn bright_cells(strata: &Strata, frame: &Frame, levels: &[f32]) -> (f32, ArrayVe
         let solid_angle = PI / (n * middle.z);
         BrightCell { direction: frame.to_world(middle), light: (levels[i] - dim) * solid_angle, index: i as u32 }
     };
-    (dim, bright.into_iter().map(cell).collect())
+    ([dim, mean], bright.into_iter().map(cell).collect())
 }
 
 impl Guide<'_> {
@@ -230,10 +266,10 @@ impl<'a> From<&'a Bsdf> for Rest<'a> {
 }
 
 impl Rest<'_> {
-    /// f |cos| and the density with which directions are drawn: p, without a guide that of the lobe.
+    /// f |cos| and what counts against light samples: p times the number of rays, without a guide the density of the lobe.
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
         let (f, of_lobe) = self.bsdf.eval_pdf(wo, wi, Transport::Radiance);
-        (f, self.guide.map_or(of_lobe, |guide| guide.mixed(guide.of_record(wi), of_lobe)))
+        (f, self.guide.map_or(of_lobe, |guide| guide.rays as f32 * guide.mixed(guide.of_record(wi), of_lobe)))
     }
 }
 

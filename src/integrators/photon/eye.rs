@@ -58,6 +58,8 @@ pub struct Eye<'a> {
     pub global: Option<&'a GlobalMap>,
     /// Records of indirect irradiance.
     pub cache: Option<&'a IrradianceCache<'a>>,
+    /// The cache whose records guide glossy lobes.
+    pub guides: Option<&'a IrradianceCache<'a>>,
     /// Whether the environment is gathered for diffuse parts, not sampled.
     pub sky: bool,
 }
@@ -225,8 +227,9 @@ impl Eye<'_> {
             return;
         }
         let (diffuse, rest) = bsdf.split();
-        let guide = rest.as_ref().filter(|_| !last).and_then(|rest| self.guide(&b, &at, rest, wo));
-        let (diffuse, rest, guide) = (diffuse.as_ref(), rest.as_ref(), guide.as_ref());
+        let (diffuse, rest) = (diffuse.as_ref(), rest.as_ref());
+        let guide = rest.filter(|_| !last).and_then(|rest| self.guide(&b, &at, (diffuse?, rest), wo));
+        let guide = guide.as_ref();
         let end = End { at: &at, wo, diffuse, rest, guide, last, distance: hit.t };
         let unknown = if last { 0.0 } else { self.reflected(&b, &end, sample) };
         self.go_on(b, &end, unknown, sample);
@@ -382,6 +385,22 @@ impl Eye<'_> {
 
     /// Lets the scattered ray wait, if it survives: `share` is the probability of having chosen its part of the material, `u` decides.
     fn push(&self, b: &Branch, end: &End, s: &BsdfSample, (share, u): (f32, f32), came: Came, sample: &mut Sample) {
+        let importance = (b.throughput * s.weight / share).max_element() * b.eta2 * s.eta * s.eta;
+        self.push_of(importance, b, end, s, (share, u), came, sample);
+    }
+
+    /// The same for a ray of this importance.
+    #[expect(clippy::too_many_arguments)]
+    fn push_of(
+        &self,
+        importance: f32,
+        b: &Branch,
+        end: &End,
+        s: &BsdfSample,
+        (share, u): (f32, f32),
+        came: Came,
+        sample: &mut Sample,
+    ) {
         let straight = s.lobe == LobeKind::Null;
         if (end.last && !straight) || (straight && b.passed >= MAX_PASSED_SURFACES) {
             return;
@@ -389,7 +408,6 @@ impl Eye<'_> {
         let depth = b.depth + u32::from(!straight);
         let eta2 = b.eta2 * s.eta * s.eta;
         let throughput = b.throughput * s.weight / share;
-        let importance = throughput.max_element() * eta2;
         let blurred = b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy);
         let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight, blurred);
         if u >= survival {

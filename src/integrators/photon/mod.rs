@@ -154,6 +154,7 @@ impl<'a> Photon<'a> {
             caustics: self.map.as_ref(),
             global: self.global_map.as_ref(),
             cache: self.cache.as_ref().map(RenewedCache::cache),
+            guides: self.cache.as_ref().map(RenewedCache::cache),
             sky: self.sky,
         }
     }

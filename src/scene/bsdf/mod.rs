@@ -285,7 +285,7 @@ impl Bsdf {
 
     /// Whether a lobe is a Dirac or null lobe.
     pub fn has_dirac_lobe(&self) -> bool {
-        self.layers().any(|l| l.lobe.is_dirac() || matches!(l.lobe, Lobe::Null))
+        self.layers().any(|l| l.lobe.is_dirac())
     }
 
     /// Share of light that passes straight through (weight of the null lobes).

@@ -22,6 +22,11 @@ const SAMPLES: u64 = 40_000;
 
 /// The scene, with a plate of the roughness `alpha`.
 fn room(alpha: f32, screened: bool) -> Room {
+    coated_room(alpha, screened, 1.0)
+}
+
+/// The same with a coat that reflects `specular` of what it should.
+fn coated_room(alpha: f32, screened: bool, specular: f32) -> Room {
     let mut scene = empty();
     scene.lights = vec![LightDesc::Constant { radiance: Rgb::ONE }];
     if screened {
@@ -31,7 +36,7 @@ fn room(alpha: f32, screened: bool) -> Room {
     let plastic = Material::RoughPlastic {
         eta: 1.5,
         diffuse_reflectance: Color::Constant(Rgb::splat(0.2)),
-        specular_reflectance: Color::Constant(Rgb::ONE),
+        specular_reflectance: Color::Constant(Rgb::splat(specular)),
         nonlinear: false,
         roughness: Roughness { distribution: Distribution::Ggx, alpha_u: alpha(), alpha_v: alpha() },
     };
@@ -70,6 +75,10 @@ impl Lit {
 
     fn guide(&self) -> Option<Guide<'_>> {
         self.guides.guide(&self.gather, 0, &self.rest, self.wo)
+    }
+
+    fn guide_from(&self, wo: Vec3) -> Option<Guide<'_>> {
+        self.guides.guide(&self.gather, 0, &self.rest, wo)
     }
 }
 
@@ -156,5 +165,8 @@ fn less_noise_where_the_record_is_right() {
 fn lobes_that_need_no_guide_have_none() {
     assert!(Lit::new(&room(0.003, true), 0.0).guide().is_none(), "narrower than a cell");
     assert!(Lit::new(&room(0.3, false), 0.0).guide().is_none(), "all directions are alike");
-    assert!(Lit::new(&room(0.1, true), 4.0).guide().is_none_or(|g| g.share < MOST), "the hole lies aside");
+    let lit = Lit::new(&coated_room(0.3, true, 0.0), 0.0);
+    assert!(lit.guides.cells.len() > 3 && lit.guide().is_none(), "a black coat");
+    let lit = Lit::new(&room(0.3, true), 0.0);
+    assert!(lit.guide().is_some() && lit.guide_from(-lit.wo).is_none(), "seen from behind");
 }

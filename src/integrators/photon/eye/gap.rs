@@ -80,8 +80,16 @@ mod tests {
         let cache = IrradianceCache::new(world, CacheSettings::default());
         let (samples, ray) = (20_000, world.scene.camera.ray(Vec2::splat(32.0), Vec2::splat(0.5)));
         let sampled = |cache, stream| {
-            let eye =
-                Eye { world, settings: &settings, direct: &direct, caustics: None, global: None, cache, sky: false };
+            let eye = Eye {
+                world,
+                settings: &settings,
+                direct: &direct,
+                caustics: None,
+                global: None,
+                cache,
+                guides: cache,
+                sky: false,
+            };
             let mut counts = Counts::default();
             let mut sample = |k| {
                 let light = eye.sample(&ray, &mut Sampler::new(1, stream, k), &mut counts).0;
