@@ -7,9 +7,9 @@
 //! SURE(a) = v - 2 a T + a^2 M,    T = v (1 - dF/dc),    M = (F - c)^2,    least at a = T / M, v - T^2 / M
 //! ```
 //!
-//! dF/dc = share of the pixel itself, and how the weights change with it; a is a little longer (`FARTHER`), at most 1. Both are relative to the picture's brightness and averaged
-//! over squares of pixels (3 to each side), and so are the steps: where noise and structure are alike the one fades into the other, without
-//! patches
+//! dF/dc = share of the pixel itself, and how the weights change with it; a is a little longer (`FARTHER`), at most 1. T and M are relative to the
+//! picture's brightness and averaged over squares of pixels (3 to each side), and so are the steps: where noise and structure are alike the
+//! one fades into the other, without patches
 //! Variance    of a sample: the film's, or the median over the neighbours if that is greater: few samples may be alike by luck. Of their mean: that
 //!             over their number, times what stratification leaves of it, which halves of them tell, averaged over squares of pixels. Where
 //!             pixels have one sample, neighbours tell (`second_differences.rs`)
@@ -99,7 +99,7 @@ pub fn denoise(film: &Film) -> Denoised {
         }
     }
     let left = ways.iter().zip(&variance).map(|([way, own], v)| {
-        // (1 - a)^2 of itself, 2 a (1 - a) of both, a^2 of the average, of which both and the average have the pixel's share in common.
+        // ((1 - a) c + a F) has the variance v ((1 - a)^2 + (2 a (1 - a) + a^2) own): c and F have the pixel's own share in common.
         let stays = (1.0 - way) * (1.0 - way) + (2.0 - way) * own;
         f64::from(stays * mean(*v))
     });

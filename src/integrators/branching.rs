@@ -5,9 +5,9 @@
 
 use crate::image::film::Features;
 use crate::math::{Rgb, Vec2, Vec3, luminance};
-use crate::scene::{Bsdf, BsdfSample, SurfacePoint, Transport};
-use crate::transport::MAX_SURVIVAL;
+use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
 use crate::transport::direct::Stage;
+use crate::transport::{MAX_PASSED_SURFACES, MAX_SURVIVAL};
 use arrayvec::ArrayVec;
 
 /// Most rays of one camera sample that wait at a time; where there is no room, one direction is chosen by chance.
@@ -53,6 +53,50 @@ pub fn survival(importance: f32, roulette: bool, blurred: bool) -> f32 {
         (false, _) => survival,
         (true, false) => survival.min(MAX_SURVIVAL),
         (true, true) => survival.min(importance.min(MAX_SURVIVAL)),
+    }
+}
+
+/// What scattering changes of a path, beside its direction.
+#[derive(Clone, Copy, Debug)]
+pub struct State {
+    /// Product of the weights of scatterings.
+    pub throughput: Rgb,
+    /// Product of squared relative indices crossed.
+    pub eta2: f32,
+    /// Scatterings.
+    pub depth: u32,
+    /// Surfaces passed straight through.
+    pub passed: u32,
+    /// Whether a lobe that is no Dirac lobe has scattered it.
+    pub blurred: bool,
+}
+
+/// What decides about a scattered ray.
+#[derive(Clone, Copy, Debug)]
+pub struct Chance {
+    /// Probability of having chosen its part of the material, times the number of rays that share it.
+    pub share: f32,
+    /// What following it is worth; `None`: its own throughput x eta^2.
+    pub importance: Option<f32>,
+    /// Number in [0, 1).
+    pub u: f32,
+}
+
+impl State {
+    /// The state behind the scattering `s`, if the ray is to be traced; `last` if the path may not get longer, every path may end from `rr_depth` on.
+    pub fn scattered(&self, s: &BsdfSample, chance: Chance, last: bool, rr_depth: u32) -> Option<State> {
+        let straight = s.lobe == LobeKind::Null;
+        if (last && !straight) || (straight && self.passed >= MAX_PASSED_SURFACES) {
+            return None;
+        }
+        let depth = self.depth + u32::from(!straight);
+        let eta2 = self.eta2 * s.eta * s.eta;
+        let throughput = self.throughput * s.weight / chance.share;
+        let importance = chance.importance.unwrap_or_else(|| throughput.max_element() * eta2);
+        let blurred = self.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy);
+        let survival = survival(importance, depth >= rr_depth && !straight, blurred);
+        let passed = self.passed + u32::from(straight);
+        (chance.u < survival).then_some(State { throughput: throughput / survival, eta2, depth, passed, blurred })
     }
 }
 

@@ -17,7 +17,7 @@
 //! Verified by `tests`
 
 use super::World;
-use super::gather_cache::GatherCache;
+use super::gather_cache::{GatherCache, GatherHit};
 use super::gather_strata::Strata;
 use super::surfel_light::SurfelLight;
 use crate::math::{Frame, Rgb, Vec2, Vec3, luminance};
@@ -147,8 +147,7 @@ impl GlossyGuides {
         let (frame, n) = (gather.frame(record), gather.strata.len() as f32);
         // Where there is none light comes from below as well.
         let normal = bsdf.upper_normal()?;
-        let mirrored = normal * (2.0 * normal.dot(wo)) - wo;
-        let peak = bsdf.pdf_dir(wo, mirrored);
+        let peak = bsdf.pdf_dir(wo, (-wo).reflect(normal));
         if peak * PI > NARROW * n * normal.dot(wo) || bsdf.has_dirac_lobe() {
             return None;
         }
@@ -185,13 +184,13 @@ fn add_sky(world: &World, gather: &GatherCache, record: usize, levels: &mut [f32
         return;
     }
     let scene = world.scene;
-    let leaves = |(_, hit): &(usize, &super::gather_cache::GatherHit)| hit.inverse_distance == 0.0;
-    let outside: Vec<usize> = gather.hits(record).iter().enumerate().filter(leaves).map(|(i, _)| i).collect();
-    let radiance = |i: &usize| scene.lights.environment(scene.textures(), gather.hits(record)[*i].direction);
-    let mut sky: Vec<f32> = outside.iter().map(|i| luminance(radiance(i))).collect();
+    let outside = |hit: &GatherHit| hit.inverse_distance == 0.0;
+    let radiance = |hit: &GatherHit| luminance(scene.lights.environment(scene.textures(), hit.direction));
+    let hits = gather.hits(record);
+    let mut sky: Vec<f32> = hits.iter().filter(|hit| outside(hit)).map(radiance).collect();
     sky.sort_by(f32::total_cmp);
     let median = sky.get(sky.len() / 2).copied().unwrap_or(0.0);
-    outside.iter().for_each(|&i| levels[i] += median);
+    levels.iter_mut().zip(hits).filter(|(_, hit)| outside(hit)).for_each(|(level, _)| *level += median);
 }
 
 /// Means of the dim cells and of all, and the bright ones in the order of their indices.

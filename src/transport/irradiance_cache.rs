@@ -313,7 +313,6 @@ impl<'a> IrradianceCache<'a> {
             if self.sharpen() {
                 self.resize();
             }
-            self.learn_guides();
         }
     }
 

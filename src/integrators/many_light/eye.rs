@@ -20,7 +20,7 @@ use super::ManyLightSettings;
 use crate::accel::Ray;
 use crate::image::film::Features;
 use crate::integrators::Counts;
-use crate::integrators::branching::{MOST_BRANCHES, Way, directions, is_crowded, one_part, stage, survival};
+use crate::integrators::branching::{Chance, MOST_BRANCHES, State, Way, directions, is_crowded, one_part, stage};
 use crate::math::{Rgb, Sampler, Vec2, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, BsdfSample, LobeKind, SurfacePoint, Transport};
@@ -83,6 +83,11 @@ struct Branch {
 }
 
 impl Branch {
+    fn state(&self) -> State {
+        let &Branch { throughput, eta2, depth, passed, blurred, .. } = self;
+        State { throughput, eta2, depth, passed, blurred }
+    }
+
     /// The way so far; `travelled` is its length since the last scattering.
     fn way(&self, travelled: f32) -> Way {
         let &Branch { throughput, depth, blurred, .. } = self;
@@ -290,9 +295,10 @@ impl Eye<'_> {
             if is_rest { (diffuse, shares[1]) = (None, p) } else { (rest, shares[0]) = (None, p) }
         }
         let u = Vec2::new(ux, uy);
+        let chance = |share| Chance { share, importance: None, u: u_roulette };
         if let Some(s) = diffuse.and_then(|d| d.sample(end.wo, u_lobe, u, Transport::Radiance)) {
             let came = Came::Diffuse { short: !self.seeks_rest, shown: lit };
-            self.push(&b, end, &s, (shares[0], u_roulette), came, sample);
+            self.push(&b, end, &s, chance(shares[0]), came, sample);
         }
         let Some(rest) = rest else { return };
         for s in &directions(rest, end.wo, (u_lobe, u), crowded) {
@@ -309,25 +315,15 @@ impl Eye<'_> {
                     Came::Glossy { from, pdf_dir: s.pdf_dir }
                 }
             };
-            self.push(&b, end, s, (shares[1], u_roulette), came, sample);
+            self.push(&b, end, s, chance(shares[1]), came, sample);
         }
     }
 
-    /// Lets the scattered ray wait, if it survives: `share` is the probability of having chosen its part of the material, `u` decides.
-    fn push(&self, b: &Branch, end: &End, s: &BsdfSample, (share, u): (f32, f32), came: Came, sample: &mut Sample) {
+    /// Lets the scattered ray wait, if it survives.
+    fn push(&self, b: &Branch, end: &End, s: &BsdfSample, chance: Chance, came: Came, sample: &mut Sample) {
+        let state = b.state().scattered(s, chance, end.last, self.settings.path.rr_depth);
+        let Some(State { throughput, eta2, depth, passed, blurred }) = state else { return };
         let straight = s.lobe == LobeKind::Null;
-        if (end.last && !straight) || (straight && b.passed >= MAX_PASSED_SURFACES) {
-            return;
-        }
-        let depth = b.depth + u32::from(!straight);
-        let eta2 = b.eta2 * s.eta * s.eta;
-        let throughput = b.throughput * s.weight / share;
-        let importance = throughput.max_element() * eta2;
-        let blurred = b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy);
-        let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight, blurred);
-        if u >= survival {
-            return;
-        }
         let reach = match came {
             // What is left of a short ray behind a surface that it passes.
             _ if straight => b.ray.tmax - end.t,
@@ -340,10 +336,10 @@ impl Eye<'_> {
         // There is always room for one, and for more where more were sent.
         let _ = sample.waiting.try_push(Branch {
             ray: Ray { tmax: reach, ..Ray::leaving(end.at, s.wi) },
-            throughput: throughput / survival,
+            throughput,
             eta2,
             depth,
-            passed: b.passed + u32::from(straight),
+            passed,
             came,
             travelled: if straight { b.travelled } else { 0.0 },
             indirect: b.indirect || s.lobe == LobeKind::Diffuse,

@@ -31,7 +31,7 @@ use super::settings::{Indirect, Parts, PhotonSettings};
 use crate::accel::Ray;
 use crate::image::film::{Features, Makeup};
 use crate::integrators::Counts;
-use crate::integrators::branching::{MOST_BRANCHES, Way, stage};
+use crate::integrators::branching::{MOST_BRANCHES, State, Way, stage};
 use crate::math::{ResidualRoulette, Rgb, Sampler, Vec3};
 use crate::scene::camera::CameraRay;
 use crate::scene::{Bsdf, LobeKind, SurfacePoint};
@@ -96,6 +96,11 @@ struct Branch {
 }
 
 impl Branch {
+    fn state(&self) -> State {
+        let &Branch { throughput, eta2, depth, passed, blurred, .. } = self;
+        State { throughput, eta2, depth, passed, blurred }
+    }
+
     fn way(&self) -> Way {
         let &Branch { throughput, depth, blurred, travelled, .. } = self;
         Way { throughput, depth, blurred, travelled }

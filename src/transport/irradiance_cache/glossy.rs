@@ -1,4 +1,5 @@
-//! What records tell glossy lobes (`glossy_guide`): kept up to date, looked up.
+//! What records tell glossy lobes (`glossy_guide`): made by [`IrradianceCache::finish`], looked up. Between two calls of it they are old, which
+//! costs noise alone.
 
 use super::IrradianceCache;
 use crate::math::Vec3;

@@ -9,6 +9,7 @@
 
 use super::super::settings::Indirect;
 use super::{Branch, Came, End, Eye, Sample};
+use crate::integrators::branching::Chance;
 use crate::math::Vec2;
 use crate::scene::{Bsdf, Transport};
 use crate::transport::IrradianceCache;
@@ -42,9 +43,10 @@ impl Eye<'_> {
         let block = sample.rng.next_block(rays);
         let waiting = sample.waiting.len();
         for i in 0..rays {
-            let [x, y, u_lobe, u_roulette] = block.point(i);
+            let [x, y, u_lobe, u] = block.point(i);
             let Some(s) = diffuse.sample(end.wo, u_lobe, Vec2::new(x, y), Transport::Radiance) else { continue };
-            self.push(b, end, &s, (share * rays as f32, u_roulette), Came::Diffuse, sample);
+            let chance = Chance { share: share * rays as f32, importance: None, u };
+            self.push(b, end, &s, chance, Came::Diffuse, sample);
             // What they see has left a diffuse part: there are no gaps for it.
             self.follow_waiting(sample, waiting);
         }

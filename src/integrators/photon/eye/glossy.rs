@@ -8,7 +8,7 @@
 //! Verified by tests/sky.rs
 
 use super::{Branch, Came, End, Eye, Sample};
-use crate::integrators::branching::stage;
+use crate::integrators::branching::{Chance, stage};
 use crate::math::{Vec3, luminance};
 use crate::scene::{Bsdf, SurfacePoint};
 use crate::transport::direct::Vantage;
@@ -58,7 +58,8 @@ impl Eye<'_> {
             let [x, y, u, u_roulette] = block.point(k);
             let Some((s, of_lobe)) = guide.sample(rest, end.wo, Vec3::new(x, y, u)) else { continue };
             let came = self.came_glossy(b, end, rays as f32 * s.pdf_dir, of_lobe);
-            self.push_of(importance, b, end, &s, (share * rays as f32, u_roulette), came, sample);
+            let chance = Chance { share: share * rays as f32, importance: Some(importance), u: u_roulette };
+            self.push(b, end, &s, chance, came, sample);
             self.follow_waiting(sample, waiting);
         }
     }

@@ -6,10 +6,9 @@
 
 use super::{Branch, Came, End, Eye, Sample};
 use crate::accel::Ray;
-use crate::integrators::branching::{directions, is_crowded, one_part, survival};
+use crate::integrators::branching::{Chance, State, directions, is_crowded, one_part};
 use crate::math::Vec2;
 use crate::scene::{BsdfSample, LobeKind, Transport};
-use crate::transport::MAX_PASSED_SURFACES;
 
 impl Eye<'_> {
     /// Sends rays on from the surface: from the rest, and from the diffuse part if its light is unknown, which had the probability `chosen`.
@@ -25,13 +24,14 @@ impl Eye<'_> {
             if is_rest { (unknown, shares[1]) = (None, p) } else { (rest, shares[0]) = (None, chosen * p) }
         }
         let u = Vec2::new(ux, uy);
+        let chance = |share| Chance { share, importance: None, u: u_roulette };
         if let Some(d) = unknown {
             let rays = self.rays_in_gap(&b, end);
             sample.features.makeup.gathers += 1.0;
             if rays > 1 {
                 self.gather_in_gap(&b, end, d, (rays, shares[0]), sample);
             } else if let Some(s) = d.sample(end.wo, u_lobe, u, Transport::Radiance) {
-                self.push(&b, end, &s, (shares[0], u_roulette), Came::Diffuse, sample);
+                self.push(&b, end, &s, chance(shares[0]), Came::Diffuse, sample);
             }
         }
         let Some(rest) = rest else { return };
@@ -48,55 +48,21 @@ impl Eye<'_> {
                 _ if self.is_covered(&b.came, rest) => Came::Covered,
                 _ => self.came_glossy(&b, end, s.pdf_dir, s.pdf_dir),
             };
-            self.push(&b, end, s, (shares[1], u_roulette), came, sample);
+            self.push(&b, end, s, chance(shares[1]), came, sample);
         }
     }
 
-    /// Lets the scattered ray wait, if it survives: `share` is the probability of having chosen its part of the material, `u` decides.
-    pub(super) fn push(
-        &self,
-        b: &Branch,
-        end: &End,
-        s: &BsdfSample,
-        (share, u): (f32, f32),
-        came: Came,
-        sample: &mut Sample,
-    ) {
-        let importance = (b.throughput * s.weight / share).max_element() * b.eta2 * s.eta * s.eta;
-        self.push_of(importance, b, end, s, (share, u), came, sample);
-    }
-
-    /// The same for a ray of this importance.
-    #[expect(clippy::too_many_arguments)]
-    pub(super) fn push_of(
-        &self,
-        importance: f32,
-        b: &Branch,
-        end: &End,
-        s: &BsdfSample,
-        (share, u): (f32, f32),
-        came: Came,
-        sample: &mut Sample,
-    ) {
-        let straight = s.lobe == LobeKind::Null;
-        if (end.last && !straight) || (straight && b.passed >= MAX_PASSED_SURFACES) {
-            return;
-        }
-        let depth = b.depth + u32::from(!straight);
-        let eta2 = b.eta2 * s.eta * s.eta;
-        let throughput = b.throughput * s.weight / share;
-        let blurred = b.blurred || matches!(s.lobe, LobeKind::Diffuse | LobeKind::Glossy);
-        let survival = survival(importance, depth >= self.settings.path.rr_depth && !straight, blurred);
-        if u >= survival {
-            return;
-        }
+    /// Lets the scattered ray wait, if it survives.
+    pub(super) fn push(&self, b: &Branch, end: &End, s: &BsdfSample, chance: Chance, came: Came, sample: &mut Sample) {
+        let state = b.state().scattered(s, chance, end.last, self.settings.path.rr_depth);
+        let Some(State { throughput, eta2, depth, passed, blurred }) = state else { return };
         // There is always room for one, and for more where more were sent.
         let _ = sample.waiting.try_push(Branch {
             ray: Ray::leaving(end.at, s.wi),
-            throughput: throughput / survival,
+            throughput,
             eta2,
             depth,
-            passed: b.passed + u32::from(straight),
+            passed,
             came,
             travelled: b.travelled,
             indirect: b.indirect || s.lobe == LobeKind::Diffuse,
